@@ -6,10 +6,13 @@ about that.
 """
 
 import difflib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Final
+
+#: Most mistakes of a file that are said at once: a screen of them.
+_SAID: Final = 20
 
 
 class AeroError(Exception):
@@ -58,6 +61,21 @@ class Question:
         """
         options = (f"  --bind {self.name}={e}   {case}".rstrip() for e, case in self.proposals)
         return f"- {self.text}", *options
+
+
+def together(errors: Sequence[InputError]) -> InputError:
+    """Return one error that says all of these (at least one), each with its place and remedy.
+
+    >>> print(together([InputError("no area", "[parts.tail]"), InputError("no x", "[parts.fin]")]))
+    2 mistakes
+    [parts.tail]: no area
+    [parts.fin]: no x
+    """
+    if len(errors) == 1:
+        return errors[0]
+    more = [f"and {len(errors) - _SAID} more"] if len(errors) > _SAID else []
+    told = [str(each).replace("\n", "; ") for each in errors[:_SAID]]
+    return InputError(f"{len(errors)} mistakes", remedy="\n".join([*told, *more]))
 
 
 class OpenQuestionsError(InputError):

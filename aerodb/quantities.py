@@ -17,8 +17,8 @@ def in_unit(unit: str) -> BeforeValidator:
     )
 
 
-Metres = Annotated[float, in_unit("m")]
-Radians = Annotated[float, in_unit("rad")]
+Metres = Annotated[float, in_unit("m"), Field(allow_inf_nan=False)]
+Radians = Annotated[float, in_unit("rad"), Field(allow_inf_nan=False)]
 Seconds = Annotated[float, in_unit("s"), Field(ge=0)]
 Kilograms = Annotated[float, in_unit("kg"), Field(gt=0)]
 Inertia = Annotated[float, in_unit("kg m^2")]

@@ -14,7 +14,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 17,
     "import": 2,
     "fly": 4,
-    "estimate": 16,
+    "estimate": 17,
     "update": 21,
     "gram": 19,
     "close_loop": 56,

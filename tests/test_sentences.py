@@ -72,6 +72,7 @@ ALLOWED = {
     "aerodb/logs/field_names.py": "names of fields of logs",
     "aerodb/logs/vehicle_draft.py": "the template of a vehicle file",
     "aerodb/support/strict.py": "pydantic's messages",
+    "aerodb/support/toml.py": "tomllib's messages",
     "aerodb/suspicions/surfaces.py": "the sign convention of a vehicle file",
     "storage/files/parquet.py": "messages of pyarrow",
     "flows/processes.py": "the environment of a process",

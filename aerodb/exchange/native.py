@@ -16,7 +16,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.errors import InputError, UnknownNameError, nearest, together
 from aerodb.exchange.increment_notes import decode_note, note_without_structure
 from aerodb.exchange.native_parts import made_of, written_parts
 from aerodb.exchange.native_schema import (
@@ -97,10 +97,15 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
             for term in _derivative_terms(axis, entries)
         ]
         reference = ReferenceGeometry(**dict(file.reference))
-        variables = _variables(file, where)
+        variables = _variables(file)
         rates = {s.name: s.description or s.name for s in file.states if s.law == "rate"}
         free = {**rates, **file.free_inputs}
-        known = (*variables, *file.tables, *file.scattered, *free)
+        known = {
+            **dict.fromkeys((*file.tables, *file.scattered), "a table"),
+            **dict.fromkeys(free, "a free input"),
+            **dict.fromkeys(variables, "a variable"),
+            **dict.fromkeys(file.parameters, "a parameter"),
+        }
         of_parts, loads = made_of(file.parts, reference, known)
         return AeroDatabase(
             name=file.name,
@@ -130,22 +135,26 @@ def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str)
         raise InputError(error.what, location, error.remedy) from error
 
 
-def _variables(file: DatabaseFile, where: str) -> dict[str, Variable]:
+def _variables(file: DatabaseFile) -> dict[str, Variable]:
     twice = sorted(file.parameters.keys() & file.variables.keys())
     if twice:
         raise InputError(
-            f"'{twice[0]}' is a parameter and a variable", where, "choose another name for one"
+            f"'{twice[0]}' is a parameter and a variable", "", "choose another name for one"
         )
-    parameters = {
-        name: Variable(
-            number(float(p.value)),
-            p.unit,
-            p.description,
-            uncertainty=None if p.prior_sigma is None else normal(p.prior_sigma),
-            parameter=_told(name, p),
-        )
-        for name, p in file.parameters.items()
-    }
+    parameters, wrong = {}, []
+    for name, p in file.parameters.items():
+        try:
+            parameters[name] = Variable(
+                number(float(p.value)),
+                p.unit,
+                p.description,
+                uncertainty=None if p.prior_sigma is None else normal(p.prior_sigma),
+                parameter=_told(p),
+            )
+        except InputError as error:
+            wrong.append(InputError(error.what, f"[parameters] {name}", error.remedy))
+    if wrong:
+        raise together(wrong)
     return parameters | {
         name: Variable(
             _parsed(v.expression, f"variable {name}"),
@@ -159,14 +168,14 @@ def _variables(file: DatabaseFile, where: str) -> dict[str, Variable]:
     }
 
 
-def _told(name: str, file: ParameterFile) -> Parameter:
+def _told(file: ParameterFile) -> Parameter:
+    """The parameter of an entry; InputError for bounds [its unit] that exclude its value."""
     theory = None if file.theory is None else float(file.theory)
     if file.bounds is None:
         return Parameter(theory=theory)
-    try:
-        return Parameter((float(file.bounds[0]), float(file.bounds[1])), theory=theory)
-    except InputError as error:
-        raise InputError(error.what, f"parameter {name}", error.remedy) from None
+    told = Parameter((float(file.bounds[0]), float(file.bounds[1])), theory=theory)
+    told.check(float(file.value))
+    return told
 
 
 def _estimated(file: EstimatedFile) -> Parameter:

@@ -1,17 +1,18 @@
 """Parts in the native forms of a database: read as they are written, and written as they were."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from aerodb.tables import AeroDatabase, ReferenceGeometry, Term, Variable
 
 
 def made_of(
-    parts: Mapping[str, Any], reference: ReferenceGeometry, known: Collection[str]
+    parts: Mapping[str, Any], reference: ReferenceGeometry, known: Mapping[str, str]
 ) -> tuple[Mapping[str, Variable], tuple[Term, ...]]:
     """Return the variables and load terms that parts are in a database, in SI units; none of none.
 
-    known : names that the database has beside them. Raises InputError as `aerodb.parts.expand`.
+    known : names that the database has beside them -> what each is. Raises InputError as
+    `aerodb.parts.expand`.
     """
     if not parts:
         return {}, ()
@@ -27,7 +28,8 @@ def written_parts(database: AeroDatabase) -> dict[str, Any]:
     if not database.parts:
         return {}
     own = {name: v for name, v in database.variables.items() if not v.part}
-    known = (*own, *database.tables, *database.scattered, *database.free_inputs)
+    names = (*own, *database.tables, *database.scattered, *database.free_inputs)
+    known = dict.fromkeys(names, "the database")
     variables, terms = made_of(database.parts, database.reference, known)
     made = {name: v for name, v in database.variables.items() if v.part}
     same = made == variables and terms == tuple(t for t in database.terms if t.part)

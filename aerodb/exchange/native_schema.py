@@ -49,10 +49,10 @@ class ParameterFile(Strict):
     prints beside another.
     """
 
-    value: Coefficient
+    value: Annotated[Coefficient, Field(allow_inf_nan=False)]
     unit: str = "1"
     bounds: tuple[Coefficient, Coefficient] | None = None
-    prior_sigma: Annotated[Coefficient | None, Field(gt=0)] = None
+    prior_sigma: Annotated[Coefficient | None, Field(gt=0, allow_inf_nan=False)] = None
     theory: Coefficient | None = None
     description: str = ""
 

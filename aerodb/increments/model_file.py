@@ -160,8 +160,8 @@ class ModelFile(Strict):
         if not self.own_constants and not self.parameters:
             raise ValueError("own_constants at the top is of parameters; [[increment]] has its own")
         for what, names in (("a parameter", self.parameters), ("an inertia", self.inertias)):
-            if len(set(names)) != len(names):
-                raise ValueError(f"{what} stands twice")
+            if twice := sorted({name for name in names if names.count(name) > 1}):
+                raise ValueError(f"{what} stands twice: {', '.join(twice)}")
         axes = [entry.axis for entry in self.increment]
         if len(set(axes)) != len(axes):
             raise ValueError("an axis is declared twice")

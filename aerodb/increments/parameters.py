@@ -154,8 +154,8 @@ def tells_nothing(database: AeroDatabase, name: str, error: float) -> bool:
 
 
 def check_parameters_of(names: Sequence[str], database: AeroDatabase) -> None:
-    """Raise InputError, with the nearest known one, for a name that is no parameter of a
-    database."""
+    """Raise InputError for a name that is no parameter of a database, with the nearest known one,
+    and for a parameter that no expression uses."""
     for name in names:
         if name not in database.parameters:
             raise InputError(
@@ -165,6 +165,12 @@ def check_parameters_of(names: Sequence[str], database: AeroDatabase) -> None:
                 if database.parameters
                 else "write [parameters] in the database file, and import it",
             )
+    if unused := [name for name in database.unused_parameters if name in names]:
+        raise InputError(
+            f"no expression of the database uses {' or '.join(unused)}",
+            f"database {database.name}",
+            "use it in a part, a variable or a term, or leave it out",
+        )
 
 
 def parameter_samples(
@@ -280,7 +286,8 @@ def _check_moved(samples: Sequence[ParameterSamples], names: Sequence[str]) -> N
         moves |= (np.ptp(used, axis=0) if each.centred else size) > _STILL * size
     if still_ones := [name for name, each in zip(names, moves, strict=True) if not each]:
         raise InputError(
-            f"in these flights {', '.join(still_ones)} changes nothing, or only a constant",
+            f"in these flights {' and '.join(still_ones)}"
+            f" change{'s' * (len(still_ones) == 1)} nothing, or only a constant",
             "estimate",
             "fly what they act on, or leave them out: a constant is taken for a sensor's bias",
         )

@@ -6,14 +6,14 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.errors import InputError, UnknownNameError, nearest
+from aerodb.errors import InputError, UnknownNameError, nearest, together
 from aerodb.nomenclature import channel
 from aerodb.parts import body, engine, fuselage, leg, rotor, section, surface
 from aerodb.parts.entry import Disc, Entry
 from aerodb.parts.frame import MOTION
 from aerodb.parts.writing import Writer
 from aerodb.support import validated
-from aerodb.tables import CONSTANTS, HAT_RATES, ReferenceGeometry, Term, Variable, parse
+from aerodb.tables import CONSTANTS, HAT_RATES, Expression, ReferenceGeometry, Term, Variable, parse
 
 #: Kind -> its keys, and what writes it.
 _WRITERS: Final[dict[str, tuple[type[Entry], Callable[..., Any]]]] = {
@@ -44,7 +44,7 @@ class Expansion:
 
 
 def expand(
-    parts: Mapping[str, Any], reference: ReferenceGeometry, known: Collection[str]
+    parts: Mapping[str, Any], reference: ReferenceGeometry, known: Mapping[str, str]
 ) -> Expansion:
     """Return the variables and load terms [N, N m] of parts as they are written.
 
@@ -52,24 +52,39 @@ def expand(
     ----------
     parts : name -> entry of the file.
     reference : of the database; loads are about its moment reference.
-    known : variables, parameters, tables and free inputs that the database has beside them.
+    known : variables, parameters, tables and free inputs that the database has beside them -> what
+        each is, in words.
 
-    Raises InputError, with the place such as ``[parts.tail] position``, for an unknown kind or key,
-    a missing one, names that two things have, an unknown name or engine, and parts whose flow
-    depends on each other.
+    Raises InputError of all parts, each with its place such as ``[parts.tail] position``, for an
+    unknown kind or key, a missing one, names that two things have, an unknown name or engine, and
+    parts whose flow depends on each other.
     """
     point = np.array(reference.moment_reference)
     written: list[Writer] = []
     discs: dict[str, Disc] = {}
-    entries = [_entry(name, part) for name, part in parts.items()]
-    slipstreams = (engine.Engine, rotor.Rotor)
-    entries.sort(key=lambda each: not isinstance(each[0], slipstreams))
-    for entry, name, place in entries:
-        for sided, writer in _sides(entry, name, place):
-            disc = _WRITERS[entry.kind][1](sided, writer, point, discs)
-            if isinstance(disc, Disc):
-                discs[writer.name] = disc
-            written.append(writer)
+    wrong: list[InputError] = []
+    entries = []
+    for name, part in parts.items():
+        try:
+            entries.append(_entry(name, part))
+        except InputError as error:
+            wrong.append(error)
+    if wrong:
+        raise together(wrong)
+    for slipstreams in (True, False):
+        for entry, name, place in entries:
+            if isinstance(entry, (engine.Engine, rotor.Rotor)) != slipstreams:
+                continue
+            try:
+                for sided, writer in _sides(entry, name, place):
+                    disc = _WRITERS[entry.kind][1](sided, writer, point, discs)
+                    if isinstance(disc, Disc):
+                        discs[writer.name] = disc
+                    written.append(writer)
+            except InputError as error:
+                wrong.append(error)
+        if wrong:
+            raise together(wrong)
     _check_names(written, known)
     variables = {name: v for writer in written for name, v in writer.variables.items()}
     terms = tuple(term for writer in written for term in writer.terms)
@@ -131,17 +146,20 @@ def _sides(entry: Entry, name: str, place: str) -> Iterable[tuple[Entry, Writer]
     ]
 
 
-def _check_names(written: list[Writer], known: Collection[str]) -> None:
+def _check_names(written: list[Writer], known: Mapping[str, str]) -> None:
     """Raise InputError for names that are taken, unknown names, and loops."""
-    owner = dict.fromkeys(known, "the database")
-    owner |= dict.fromkeys(MOTION, "all parts")
+    owner = {**known, **dict.fromkeys(MOTION, "all parts")}
+    wrong: dict[str, InputError] = {}  # both sides of a part have the same mistake
     for writer in written:
         for name in (*writer.variables, writer.name):
             if name in owner and owner[name] != writer.where:
-                raise InputError(
-                    f"'{name}' is a name of {owner[name]} too",
+                wrong.setdefault(
                     writer.where,
-                    "choose another name for the part",
+                    InputError(
+                        f"'{name}' is a name of {owner[name]} too",
+                        writer.where,
+                        f"choose another name for the part or for {owner[name]}",
+                    ),
                 )
             owner[name] = writer.where
     variables = {name: v.expression for w in written for name, v in w.variables.items()}
@@ -151,18 +169,24 @@ def _check_names(written: list[Writer], known: Collection[str]) -> None:
         trees |= {term.name: term.expression for term in writer.terms}
         for of, tree in trees.items():
             place = f"{writer.where} {writer.keys.get(of, '')}".strip()
-            for name in sorted(tree.names - names):
-                _check_channel(name, names, place)
-            for table in sorted(tree.tables - set(known)):
-                raise InputError(f"no table or function '{table}'", place, nearest(table, known))
+            for error in _unknown(tree, names, known, place):
+                wrong.setdefault(str(error), error)
+    if wrong:
+        raise together([*wrong.values()])
     _check_loops(written, variables)
 
 
-def _check_channel(name: str, names: Collection[str], place: str) -> None:
-    try:
-        channel(name)
-    except UnknownNameError:
-        raise InputError(f"unknown name '{name}'", place, nearest(name, names)) from None
+def _unknown(
+    tree: Expression, names: Collection[str], known: Collection[str], place: str
+) -> Iterable[InputError]:
+    """The names and tables of an expression that nothing has."""
+    for name in sorted(tree.names.difference(names)):
+        try:
+            channel(name)
+        except UnknownNameError:
+            yield InputError(f"unknown name '{name}'", place, nearest(name, names))
+    for table in sorted(tree.tables.difference(known)):
+        yield InputError(f"no table or function '{table}'", place, nearest(table, known))
 
 
 def _check_loops(written: list[Writer], variables: Mapping[str, Any]) -> None:
@@ -191,7 +215,7 @@ def _loop(names: list[str], written: list[Writer]) -> InputError:
     at = next((name for name in names if name.endswith("_downwash")), names[0])
     parts = list(dict.fromkeys(of[name].part for name in names))
     return InputError(
-        f"the flow at {' and '.join(parts)} depends on each other:"
+        f"the flow at {' and '.join(parts)} depends on {'each other' if parts[1:] else 'itself'}:"
         f" {' uses '.join([*names, names[0]])}",
         f"{of[at].where} {of[at].keys.get(at, '')}".strip(),
         "let one of them use the aircraft's alpha",

@@ -8,7 +8,7 @@ from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from aerodb.errors import AeroError, InputError, nearest
+from aerodb.errors import AeroError, InputError, nearest, together
 from aerodb.support.toml import parsed_toml
 
 Model = TypeVar("Model", bound=BaseModel)
@@ -31,32 +31,46 @@ def validated_toml(model: type[Model], text: str, where: str) -> Model:
 def validated(model: type[Model], data: Any, where: str) -> Model:
     """Return `data` as a `model`.
 
-    Raises InputError for the first error, with its key and, for an unknown key, the nearest one.
+    Raises InputError for all errors, each with its key and, for an unknown key, the nearest one.
     """
     try:
         return model.model_validate(data)
     except InputError as error:
         raise InputError(error.what, where, error.remedy) from error
     except ValidationError as error:
-        # A mistyped required key is both unknown and missing; report it as unknown, because then
-        # the nearest known key can be named.
-        fault: Any = next(
-            (each for each in error.errors() if each["type"] == "extra_forbidden"),
-            error.errors()[0],
-        )
+        faults = error.errors()
+    # A mistyped required key is both unknown and missing; report it as unknown, because then the
+    # nearest known key can be named.
+    if any(each["type"] == "extra_forbidden" for each in faults):
+        faults = [each for each in faults if each["type"] != "missing"]
+        faults.sort(key=lambda each: each["type"] != "extra_forbidden")
+    told: dict[str, InputError] = {}  # a choice of types fails once for each of them
+    for fault in faults:
+        told.setdefault(_key_of_error(data, fault["loc"], fault["type"]), _told(model, data, fault))
+    said = together([*told.values()])
+    raise InputError(said.what, where, said.remedy)
+
+
+def _told(model: type[Model], data: Any, fault: Any) -> InputError:
+    """An error of the validation as one clause."""
     path = _key_of_error(data, fault["loc"], fault["type"])
     if fault["type"] == "extra_forbidden":
-        raise InputError(
-            f"unknown key '{path}'",
-            where,
-            nearest(str(fault["loc"][-1]), _known_keys(model, fault["loc"][:-1])),
-        )
-    cause, got = fault.get("ctx", {}).get("error"), f"got {repr(fault['input'])[:80]}"
+        known = _known_keys(model, fault["loc"][:-1])
+        return InputError(f"unknown key '{path}'", remedy=nearest(str(fault["loc"][-1]), known))
+    if fault["type"] == "missing":
+        last = fault["loc"][-1]
+        if isinstance(last, str):
+            return InputError(f"{path} is missing", remedy=f"write {last} = ...")
+        of = path.rpartition(".")[0]
+        what = f"{of} has {last} value{'s' * (last != 1)} only"
+        return InputError(what, remedy=f"got {fault['input']!r}")
+    cause = fault.get("ctx", {}).get("error")
+    got = f"got {repr(fault['input'])[:80]}" if path else ""  # not the whole file
     if isinstance(cause, AeroError):
         what, remedy = cause.what, cause.remedy or got
     else:
         what, remedy = fault["msg"].removeprefix("Value error, "), got
-    raise InputError(f"{path}: {what}".lstrip(": "), where, remedy)
+    return InputError(f"{path}: {what}".lstrip(": "), remedy=remedy)
 
 
 def _key_of_error(data: Any, location: tuple[int | str, ...], kind: str) -> str:

@@ -12,10 +12,22 @@ MOST_CHARACTERS: Final = 50_000_000
 MOST_PARTS: Final = 64
 #: Most arrays and tables inside each other: tomllib recurses into values.
 DEEPEST: Final = 64
+#: Most characters of a line that an error quotes: a name and the beginning of its value.
+_BEGINNING: Final = 40
+_LINE: Final = re.compile(r"at line (\d+),")
 _PART: Final = r"(?:[A-Za-z0-9_-]++|\"[^\"\n]*+\"|'[^'\n]*+')"
 _LONG_KEY: Final = re.compile(
     rf"(?<![A-Za-z0-9_-]){_PART}(?:[ \t]*+\.[ \t]*+{_PART}){{{MOST_PARTS},}}+"
 )
+
+
+def _line_of(error: ValueError, text: str) -> str:
+    """How the line of the text begins that an error names; empty where it names none."""
+    named = _LINE.search(str(error))
+    lines = text.splitlines()
+    if named is None or not 0 < int(named[1]) <= len(lines):
+        return ""
+    return f"line {named[1]} begins with: {lines[int(named[1]) - 1].strip()[:_BEGINNING]}"
 
 
 def parsed_toml(text: str, where: str) -> dict[str, Any]:
@@ -36,7 +48,7 @@ def parsed_toml(text: str, where: str) -> dict[str, Any]:
     except RecursionError as error:
         raise InputError(f"values nest deeper than {DEEPEST} levels", where) from error
     except ValueError as error:  # also a number of more digits than Python reads
-        raise InputError(f"not valid TOML: {error}", where) from error
+        raise InputError(f"not valid TOML: {error}", where, _line_of(error, text)) from error
     layer: list[Any] = [document]
     for _ in range(DEEPEST):
         inside = [

@@ -123,7 +123,10 @@ class AeroDatabase:
         object.__setattr__(self, "increments", tuple(self.increments))
         check_definitions(
             self.name,
-            self.variables,
+            {
+                name: "variable" if each.parameter is None else "parameter"
+                for name, each in self.variables.items()
+            },
             [*self.tables.items(), *self.scattered.items()],
             self.free_inputs,
         )
@@ -189,6 +192,16 @@ class AeroDatabase:
             name: float(getattr(self.reference, attribute)) for name, attribute in CONSTANTS.items()
         }
         return compile_program(expressions, tables, variables, constants)
+
+    @cached_property
+    def unused_parameters(self) -> tuple[str, ...]:
+        """Parameters that no expression uses, so that no flight can tell anything of them."""
+        trees = [each.expression for each in self.variables.values()]
+        trees += [each.expression for each in self.terms]
+        trees += [law.rate for law in self.rates.values()]
+        used = {name for tree in trees for name in tree.names}
+        used.update(*(increment.names for increment in self.increments))
+        return tuple(name for name in self.parameters if name not in used)
 
     @cached_property
     def parameters(self) -> dict[str, float]:

@@ -89,37 +89,37 @@ def value_of(expression: Expression) -> float:
 
 def check_definitions(
     database: str,
-    variables: Iterable[str],
+    variables: Mapping[str, str],
     tables: Iterable[tuple[str, AnyTable]],
     free_inputs: Iterable[str],
 ) -> None:
     """Raise InputError unless all defined names are identifiers, differ from each other and hide
     neither channels nor constants.
 
-    database : its name, for messages. tables : key and table, on grids and on scattered points.
+    database : its name, for messages. variables : name -> ``variable`` or ``parameter``.
+    tables : key and table, on grids and on scattered points.
     free_inputs : one with the name of a channel is that channel. Names: `check_identifier`.
     """
     defined: dict[str, str] = {}
     tables = list(tables)
-    definitions: tuple[tuple[str, Iterable[str]], ...] = (
-        ("variable", variables),
-        ("table", [name for name, _ in tables]),
-        ("free input", free_inputs),
+    definitions = (
+        *variables.items(),
+        *((name, "table") for name, _ in tables),
+        *((name, "free input") for name in free_inputs),
     )
-    for kind, names in definitions:
-        for name in names:
-            check_identifier(name)
-            hidden = name in CHANNELS and kind != "free input"  # which would be that channel
-            other = defined.get(name) or (
-                "channel" if hidden else "constant" if name in CONSTANTS else ""
+    for name, kind in definitions:
+        check_identifier(name)
+        hidden = name in CHANNELS and kind != "free input"  # which would be that channel
+        other = defined.get(name) or (
+            "channel" if hidden else "constant" if name in CONSTANTS else ""
+        )
+        if other:
+            raise InputError(
+                f"{kind} '{name}' has the name of a {other}",
+                f"database {database}",
+                "choose another name",
             )
-            if other:
-                raise InputError(
-                    f"{kind} '{name}' has the name of a {other}",
-                    f"database {database}",
-                    "choose another name",
-                )
-            defined[name] = kind
+        defined[name] = kind
     for name, table in tables:
         if table.name != name:
             raise InputError(

@@ -1,8 +1,10 @@
 """What a database needs and a vehicle's flights lack: proposals, and what each does to the
 result."""
 
+import difflib
 import math
 from collections.abc import Collection, Mapping, Sequence
+from string import digits
 from typing import Any, Final
 
 from aerodb.coefficients import (
@@ -19,7 +21,7 @@ from aerodb.coefficients import (
 from aerodb.errors import InputError
 from aerodb.exchange import property_expression, propose_bindings, written_name
 from aerodb.flight import Flight
-from aerodb.nomenclature import CHANNELS, WHEELS
+from aerodb.nomenclature import CHANNELS, WHEELS, is_surface
 from aerodb.storage.catalogue import FlightRow
 from aerodb.tables import AeroDatabase, Expression, Number, uneven_height_tables
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
@@ -32,6 +34,10 @@ _MOST_FLIGHTS: Final = 10
 #: Relative difference of reference area, span or chord beyond which a database may be of another
 #: aircraft: definitions (glove, fuselage part) differ by some per cent, sister types by more.
 _SAME_SIZE: Final = 0.05
+#: Share of letters in common, in their order, from which the name of a deflection is another one
+#: mistyped (difflib's ratio): one letter too many in "delta_rudder" leaves .96, while
+#: "delta_elevon" and "delta_elevator" have .85, "delta_flap" and "delta_slat" .80.
+_SPELLED_ALIKE: Final = 0.9
 #: Surfaces without which an aircraft cannot be steered, as channels and other programs name them.
 _CONTROLS: Final = ("elevator", "aileron", "rudder")
 
@@ -46,8 +52,9 @@ def describe_inputs(version: str, *, workspace: str, run: str, vehicle: str) -> 
     any value), proposals (the same as bindings) and uses (per input that is held or made
     from motion: name, source, written (its name in the file), channel (that is held; empty for
     another input), binding, accepted, range, effects, residuals, sentence), and warnings (kind
-    ``other_reference``, with the lengths [m] or areas [m2] of both, ``control_removed``, or
-    ``uneven_table``; name, sentence). Ranges are in SI units,
+    ``other_reference``, with the lengths [m] or areas [m2] of both, ``control_removed``,
+    ``uneven_table``, ``unused_parameter``, or ``unknown_surface`` with the surface that is meant;
+    name, sentence). Ranges are in SI units,
     effects and residuals dimensionless; InputError where the database cannot be evaluated.
     """
     access = access_workspace(workspace)
@@ -146,6 +153,8 @@ def inputs_document(
                 *sizes,
                 *(_removed(use, described.surfaces) for use in uses),
                 *(_uneven(*each) for each in uneven_height_tables(database).items()),
+                *(_unused(name) for name in database.unused_parameters),
+                *(_mistyped(name, database, described.surfaces) for name in database.inputs),
             )
             if each
         ],
@@ -191,6 +200,29 @@ def _uneven(table: str, what: str) -> dict[str, Any]:
     """Return the warning of a table over height (`uneven_height_tables`)."""
     sentence = f"{what}: ground effect fades upwards without a turn, see the source of the numbers"
     return {"kind": "uneven_table", "name": table, "sentence": sentence}
+
+
+def _unused(name: str) -> dict[str, Any]:
+    """The warning of a parameter that no expression uses."""
+    sentence = f"[parameters] {name}: no expression uses it, and no flight can tell anything of it"
+    return {"kind": "unused_parameter", "name": name, "sentence": sentence}
+
+
+def _mistyped(
+    name: str, database: AeroDatabase, surfaces: Collection[str]
+) -> dict[str, Any] | None:
+    """Return the warning of a deflection that the vehicle has no surface of, where it has one that
+    is spelled alike and that the database does not read; another number is another surface."""
+    own = [f"delta_{each}" for each in surfaces]
+    if not is_surface(name) or name in database.free_inputs or name in own:
+        return None
+    letters = name.rstrip(digits)
+    free = [n for n in own if n not in database.inputs and n.rstrip(digits) != letters]
+    alike = difflib.get_close_matches(name, free, n=1, cutoff=_SPELLED_ALIKE)
+    if not alike:
+        return None
+    sentence = f"the vehicle has no surface of {name}: is {alike[0]} meant?"
+    return {"kind": "unknown_surface", "name": name, "meant": alike[0], "sentence": sentence}
 
 
 def _known(vehicle: Vehicle, flights: Sequence[FlightCoefficients]) -> list[str]:

@@ -148,4 +148,21 @@ def test_a_wrong_part_is_said_with_its_place(workspace: Path, tmp_path: Path) ->
     file.write_text(TEXT.replace("position = [0.0, 0.0, 0.1]\n", ""), encoding="utf-8")
     refused = aerodb(workspace, "database", "import", str(file))
     assert refused.returncode == 3
-    assert "wrong.toml: [parts.propeller]: position: Field required" in refused.stderr
+    assert "wrong.toml: [parts.propeller]: position is missing" in refused.stderr
+
+
+def test_what_no_flight_can_move_and_a_mistyped_control_are_said(
+    workspace: Path, tmp_path: Path
+) -> None:
+    """One parameter that no expression uses, and a control whose name has a letter too many."""
+    file = tmp_path / "unused.toml"
+    text = TEXT.replace("[parameters]\n", "[parameters]\nspare = { value = 1.0 }\n", 1)
+    file.write_text(text.replace("delta_rudder", "delta_ruddder"), encoding="utf-8")
+    found = asked(workspace, "database", "import", str(file))
+    assert [(each["kind"], each["name"]) for each in found["warnings"]] == [
+        ("unused_parameter", "spare"), ("unknown_surface", "delta_ruddder"),
+    ]  # fmt: skip
+    assert found["warnings"][1]["meant"] == "delta_rudder"
+    right = tmp_path / "right.toml"
+    right.write_text(TEXT + 'description = "the same"\n', encoding="utf-8")
+    assert asked(workspace, "database", "import", str(right))["warnings"] == []

@@ -38,7 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (56, "31363509640a29fd", "6ca54c06536d6ad2"),
     "fly": (4, "54d04c2389bdffef", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (16, "4528d7f89880e3f0", "be09817f5df27dda"),
+    "estimate": (17, "c7e969bdaae57953", "be09817f5df27dda"),
     "update": (21, "c0f1a75a101040dc", "6b1983884f9e9ae7"),
 }
 

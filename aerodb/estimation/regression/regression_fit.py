@@ -54,6 +54,12 @@ def regression(equation: LinearEquation) -> Fit:
     solution = _with_priors(problem, found, determined, spread)
     low, high = bounds_of(problem.unknown)
     values, at_bound = within_bounds(solution.estimates, solution.information, low, high)
+    lost = [
+        k
+        for k, name in enumerate(problem.names)
+        if solution.standings.get(name, ("",))[0] in ("not excited", "not identifiable")
+    ]
+    at_bound[lost] = False  # a bound is no value of what the records do not tell
     standings = {**solution.standings, **_at_bound(problem, solution, at_bound)}
     if not np.array_equal(values, estimates):
         noise = problem.noise(values)

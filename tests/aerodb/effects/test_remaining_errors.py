@@ -100,7 +100,7 @@ def test_what_was_measured_outside_flight_bounds_it() -> None:
         ("delta_elevatr = 3", "valid dictionary"),
         ('mass = {sigma = "3 mm"}', "cannot be converted"),
         ("Iyy = {sigma = 0}", "greater than 0"),
-        ('Iyy = {by = "pendulum"}', "Field required"),
+        ('Iyy = {by = "pendulum"}', "sigma is missing"),
     ],
 )
 def test_a_wrong_statement_is_refused_with_what_to_do(line: str, says: str) -> None:

@@ -109,6 +109,24 @@ def test_what_flights_do_not_move_has_no_value_and_the_others_theirs() -> None:
     assert both["fin_CLa"].value == pytest.approx(alone["fin_CLa"].value, rel=1e-9)
 
 
+def test_a_bound_is_no_value_of_what_no_flight_moves() -> None:
+    """Its column is zero throughout, and zero lies outside its bounds."""
+    spare = Variable(number(0.5), parameter=Parameter((0.1, 1.0)))
+    still = Term("still", "CX", parse("spare*(alpha - alpha)"))
+    database = replace(
+        build_up(),
+        variables={**build_up().variables, "spare": spare},
+        terms=(*build_up().terms, still),
+    )
+    found = fit_parameters(regression, given(database), ["fin_CLa", "spare"], database)
+    assert found["spare"].standing == "not excited"
+    assert np.isnan(found["spare"].value)
+    assert found["fin_CLa"].standing == "estimated"
+    unused = replace(database, terms=build_up().terms)
+    with pytest.raises(InputError, match="no expression of the database uses spare"):
+        fit_parameters(regression, given(unused), ["fin_CLa", "spare"], unused)
+
+
 def test_what_tells_less_than_the_bounds_is_named() -> None:
     """Bounds narrower than the standard error know more than the flights."""
     database, measured = build_up(WRONG), given(build_up(WRONG))

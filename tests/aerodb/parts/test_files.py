@@ -91,7 +91,7 @@ def test_other_simulators_compute_the_same() -> None:
 
 
 REFUSED = [
-    ('position = [0.0, 0.0, 0.1]\nthrust', 'thrust', r"\[parts.propeller\]: position: Field required"),
+    ('position = [0.0, 0.0, 0.1]\nthrust', 'thrust', r"\[parts.propeller\]: position is missing"),
     ('kind = "engine"', 'kind = "motor"', r"\[parts.propeller\]: unknown kind 'motor'"),
     ('kind = "engine"\n', "", r"\[parts.propeller\]: a part without kind"),
     ('slipstream = "propeller"', 'slipstream = "propellor"', r"\[parts.tail\] slipstream: no engine 'propellor'(?s:.*)'propeller'"),
@@ -104,7 +104,15 @@ REFUSED = [
     ("[parts.fin]", "[parts.wing_left]", r"\[parts.wing_left\]: '.*' is a name of \[parts.wing\] too"),
     ("[parts.fin]", "[parts.2fin]", r"\[parts.2fin\]"),
     ('downwash = "0.02 + tail_downwash*alpha"', 'downwash = "0.1*fin_1_lift"\n', r"\[parts.(tail|fin)\] downwash: the flow at .* depends on each other"),
-    ("bounds = [0.0, 0.8], description = \"downwash", 'bounds = [0.5, 0.8], description = "downwash', r"parameter tail_downwash: value 0.38 lies outside its bounds 0.5 to 0.8"),
+    ("bounds = [0.0, 0.8], description = \"downwash", 'bounds = [0.5, 0.8], description = "downwash', r"\[parameters\] tail_downwash: value 0.38 lies outside its bounds 0.5 to 0.8"),
+    ("position = [-2.4, 0.0, 0.1]", "position = [-2.4, 0.1]", r"\[parts.fuselage\]: position has 2 values only"),
+    ("position = [-2.4, 0.0, 0.1]", "position = [-2.4, nan, 0.1]", r"\[parts.fuselage\]: position.1: Input should be a finite"),
+    ("wing_slope = { value = 5.0", "wing_slope = { value = nan", r"parameters.wing_slope.value: Input should be a finite"),
+    ("wing_zero = {", "wing_slope = {", r"(?s)Cannot overwrite.*at line 9.*line 9 begins with: wing_slope = "),
+    ("[tables.THRUST]", "[variables.wing_slope]\nexpression = \"alpha\"\n[tables.THRUST]", r"'wing_slope' is a parameter and a variable"),
+    ("[parameters]\n", "[parameters]\nalpha = { value = 1.0 }\n", r"parameter 'alpha' has the name of a channel"),
+    ("[parameters]\n", "[parameters]\nfin_1_lift = { value = 1.0 }\n", r"\[parts.fin\]: 'fin_1_lift' is a name of a parameter too"),
+    ('"0.02 + tail_downwash*alpha"', '"0.1*tail_right_1_lift"', r"\[parts.tail\] downwash: the flow at tail depends on itself"),
     ("span = [0.6, 0.95]", "span = [0.95, 0.6]", r"\[parts.wing\]: control.delta_aileron(.span)?: span"),
     ("chord_ratio = 0.22\n", "", r"\[parts.wing\] control.delta_aileron: it has effectiveness and chord_ratio, or neither"),
     ("root = [-1.95, 0.3, -0.7]", "root = [-1.95, -9.3, -0.7]", r"\[parts.wing\]: a mirrored part that is not on the right"),
@@ -120,3 +128,30 @@ def test_a_wrong_part_is_refused_with_its_place(old: str, new: str, says: str) -
     assert text.count(old) == 1
     with pytest.raises(InputError, match=says):
         read_native(text.replace(old, new))
+
+
+def test_all_mistakes_of_a_file_are_said_each_with_its_place() -> None:
+    """Two parts without a position; then, with these right, two parameters outside their bounds."""
+    text = TEXT
+    for line in (
+        "position = [0.0, 0.0, 0.1]\n",
+        "position = [-2.4, 0.0, 0.1]\n",
+        "tip = [-6.9, 0.0, -2.0]\n",
+    ):
+        text = text.replace(line, "")
+    with pytest.raises(InputError) as told:
+        read_native(text, "aircraft.toml")
+    lines = str(told.value).splitlines()
+    assert lines[0] == "aircraft.toml: 3 mistakes"
+    assert [line.partition(";")[0] for line in lines[1:]] == [
+        "[parts.propeller]: position is missing",
+        "[parts.fin]: tip is missing",
+        "[parts.fuselage]: position is missing",
+    ]
+    text = TEXT.replace("bounds = [0.0, 0.8]", "bounds = [0.5, 0.8]")
+    text = text.replace("bounds = [3.0, 7.0]", "bounds = [7.0, 3.0]")
+    with pytest.raises(InputError) as told:
+        read_native(text, "aircraft.toml")
+    lines = str(told.value).splitlines()
+    assert lines[1].startswith("[parameters] wing_slope: bounds 7 and 3;")
+    assert lines[2].startswith("[parameters] tail_downwash: value 0.38 lies outside its bounds")
