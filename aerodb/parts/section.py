@@ -16,19 +16,25 @@ cd_min + (cd_max - cd_min) sin(alpha)^2, beyond the stall angle a of either sign
     sigma = 1 - S(l (alpha + a)) (1 - S(l (alpha - a))),    S(x) = (1 + tanh(x/2))/2.
 
 A flap of the chord ratio E in thin-airfoil theory has the effectiveness
-tau = 1 - (theta - sin theta)/pi with cos theta = 2 E - 1, of which a real one reaches a part.
+tau = 1 - (theta - sin theta)/pi with cos theta = 2 E - 1, of which a real one reaches a part. That
+of a plain or a slotted flap falls with its deflection, by the factor
+
+    eta = 1 - (k/2) (1 + tanh((|delta| - delta_0)/w)).
 
 References
 ----------
 "Aerodynamic Model Update Using Parameter Identification Supporting a Cessna Grand Caravan
 Engineering Simulation" (component build-up of sections and sub-sections); McCormick, Aerodynamics,
-Aeronautics and Flight Mechanics (1995), sections 3.4 and 8.1; Jones, NACA Report 863 (1947), sweep.
+Aeronautics and Flight Mechanics (1995), sections 3.4 and 8.1; Jones, NACA Report 863 (1947), sweep;
+USAF Stability and Control DATCOM (1978), section 6.1.1.1: effectiveness of flaps over deflection,
+also in Roskam, Airplane Design, part VI, figures 8.13 and 8.17.
 """
 
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import reduce
-from typing import Annotated
+from typing import Annotated, Final, Literal
 
 import numpy as np
 from pydantic import Discriminator, Field, Tag
@@ -53,13 +59,61 @@ from aerodb.tables import Call, Expression, Name, Negation, Number, Operation, n
 Area = Annotated[float, in_unit("m^2"), Field(gt=0)]
 
 
+@dataclass(frozen=True)
+class Measured:
+    """What is measured of a type of flap: the `level` of its effectiveness at small deflections, of
+    that of thin-airfoil theory, the share that is `lost` at large ones, and the deflection at the
+    `middle` of the loss and its `width` [rad]."""
+
+    level: float
+    lost: float
+    middle: float
+    width: float
+
+
+#: Level of a single slotted flap: mean of .77, .82, .85, .84 and .80 at the chord ratios .15, .2,
+#: .25, .3 and .4 of DATCOM's curves of the effectiveness of such flaps (Roskam VI, figure 8.17).
+_SLOTTED_LEVEL: Final = 0.82
+#: Level of a plain flap: what one reaches at small deflections (McCormick, section 3.4).
+_PLAIN_LEVEL: Final = 0.80
+#: Share lost, middle and width [deg] by least squares of the same curves of slotted flaps over
+#: their value at 0, at 0 to 60 deg in steps of 10: rms .026, at most .07, which is how much the
+#: curves of single chord ratios differ.
+_SLOTTED_FALL: Final = (0.69, 46.2, 18.8)
+#: The same of DATCOM's curves of plain flaps at the chord ratios .15, .25 and .3 (Roskam VI, figure
+#: 8.13): rms .033, at most .07.
+_PLAIN_FALL: Final = (0.482, 24.8, 11.1)
+MEASURED: Final = {
+    name: Measured(level, lost, math.radians(middle), math.radians(width))
+    for name, level, (lost, middle, width) in (
+        ("plain", _PLAIN_LEVEL, _PLAIN_FALL),
+        ("slotted", _SLOTTED_LEVEL, _SLOTTED_FALL),
+    )
+}
+
+
 class Flap(Strict):
-    """A control of a section: its effectiveness d alpha/d delta is `effectiveness`, or that of a
-    plain flap of this `chord_ratio` times its `efficiency`."""
+    """A control of a section.
+
+    Parameters
+    ----------
+    effectiveness : d alpha/d delta; or chord_ratio : for that of thin-airfoil theory, with its
+        `efficiency`.
+    type : the effectiveness is that at small deflections, and falls as is measured of such flaps;
+        the efficiency is the measured one where none is given. Without it the flap is linear.
+    """
 
     effectiveness: Formula | None = None
     chord_ratio: float | None = Field(default=None, gt=0, lt=1)
-    efficiency: Formula = "1"
+    efficiency: Formula | None = None
+    type: Literal["plain", "slotted"] | None = None
+
+    @property
+    def part(self) -> str:
+        """The efficiency, dimensionless, as a formula."""
+        if self.efficiency is not None:
+            return self.efficiency
+        return "1" if self.type is None else repr(MEASURED[self.type].level)
 
 
 Control = Mapping[
@@ -272,7 +326,10 @@ def _effective(entry: Section, writer: Writer, flow: Expression) -> Expression:
     for key, value in entry.control.items():
         place = f"control.{key}"
         deflection = writer.parsed(key, place)
-        parts.append(times(_effectiveness(value, writer, place), deflection))
+        effective = times(_effectiveness(value, writer, place), deflection)
+        if isinstance(value, Flap) and value.type is not None:
+            effective = times(effective, _remaining(MEASURED[value.type], deflection))
+        parts.append(effective)
     return reduce(plus, parts)
 
 
@@ -288,4 +345,12 @@ def _effectiveness(value: Formula | Flap, writer: Writer, place: str) -> Express
     if value.effectiveness is not None:
         return writer.parsed(value.effectiveness, place)
     plain = number(flap_effectiveness(float(value.chord_ratio or 0.0)))
-    return times(writer.parsed(value.efficiency, place), plain)
+    return times(writer.parsed(value.part, place), plain)
+
+
+def _remaining(measured: Measured, deflection: Expression) -> Expression:
+    """The share of its effectiveness that a flap has at a deflection [rad]."""
+    beyond = Operation("-", Call("abs", (deflection,)), Number(measured.middle))
+    half = times(Number(1.0 / measured.width), beyond)
+    smooth = plus(Number(1.0), Call("tanh", (half,)))
+    return Operation("-", Number(1.0), times(Number(0.5 * measured.lost), smooth))

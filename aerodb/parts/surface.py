@@ -179,8 +179,9 @@ def _controls(
         if share <= 1e-9:
             continue
         part = value.model_dump(exclude={"span"})
-        key = "efficiency" if value.effectiveness is None else "effectiveness"
-        if share < 1.0 - 1e-9:
-            part[key] = f"{share!r}*({part[key]})"
+        if share < 1.0 - 1e-9 and value.effectiveness is not None:
+            part["effectiveness"] = f"{share!r}*({value.effectiveness})"
+        elif share < 1.0 - 1e-9:
+            part["efficiency"] = f"{share!r}*({value.part})"
         found[name] = Flap(**part)
     return found

@@ -412,3 +412,64 @@ slipstream = "fan"
     found = own.predict({**at, "p": 0.0, "q": 0.0, "r": 0.0, "rho": 1.2, "qbar": 1.0}).coefficients
     force = AREA * np.array([found[name][0] for name in ("CX", "CY", "CZ")])
     np.testing.assert_allclose(force, expected, rtol=1e-12, atol=1e-12)
+
+
+#: DATCOM's effectiveness of single slotted flaps of the chord ratio .25 (Roskam VI, figure 8.17): deflection
+#: [deg] -> change of the angle of attack by it.
+SLOTTED = {10.0: 0.510, 20.0: 0.491, 30.0: 0.456, 40.0: 0.399, 50.0: 0.303}
+#: The share of a plain flap's effectiveness of the same chord ratio that is left (figure 8.13).
+PLAIN = {10.0: 1.0, 20.0: 0.851, 30.0: 0.642, 40.0: 0.570, 50.0: 0.519}
+
+
+def turned(flap: str, angle: float) -> float:
+    """By how much a deflection [rad] changes the angle of attack of a section."""
+    own = database(
+        '[parts.strip]\nkind = "section"\nposition = [0.0, 0.0, 0.0]\narea = 2.0\nlift = "5*alpha"\n'
+        f"control = {{ delta_flap = {{ chord_ratio = 0.25, {flap} }} }}\n"
+    )
+    at = {"V": 20.0, "alpha": 0.0, "beta": 0.0, "p": 0.0, "q": 0.0, "r": 0.0, "delta_flap": angle}
+    found = own.predict({**at, "rho": 1.2, "qbar": 240.0}).coefficients["CZ"][0]
+    return float(-found * own.reference.area / (2.0 * 5.0))
+
+
+def test_a_slotted_flap_has_the_measured_effectiveness() -> None:
+    for degrees, published in SLOTTED.items():
+        angle = np.deg2rad(degrees)
+        assert turned('type = "slotted"', angle) / angle == pytest.approx(published, rel=0.06)
+        assert turned('type = "slotted"', -angle) == -turned('type = "slotted"', angle)
+    half = turned('type = "slotted", efficiency = 0.41', 0.3)
+    assert half == pytest.approx(0.5 * turned('type = "slotted"', 0.3), rel=1e-12)
+
+
+def test_a_plain_flap_loses_its_effectiveness_earlier() -> None:
+    linear = flap_effectiveness(0.25) * 0.8
+    for degrees, published in PLAIN.items():
+        angle = np.deg2rad(degrees)
+        assert turned('type = "plain"', angle) / angle == pytest.approx(
+            linear * published, abs=0.04
+        )
+    assert turned("efficiency = 0.8", 0.5) == pytest.approx(linear * 0.5, rel=1e-12)
+
+
+def test_a_flap_over_half_a_strip_has_half_its_measured_effectiveness() -> None:
+    """With the measured efficiency and with one that is given."""
+    wing = """
+[parts.wing]
+kind = "surface"
+root = [0.0, 0.0, 0.0]
+tip = [0.0, 4.0, 0.0]
+root_chord = 1.0
+strips = 1
+lift = "5*alpha"
+control = {{ delta_flap = {{ chord_ratio = 0.25, {} }} }}
+"""
+    at = {"V": 20.0, "alpha": 0.0, "beta": 0.0, "p": 0.0, "q": 0.0, "r": 0.0, "delta_flap": 0.5}
+    at |= {"rho": 1.2, "qbar": 240.0}
+
+    def lift(flap: str) -> float:
+        return float(database(wing.format(flap)).predict(at).coefficients["CZ"][0])
+
+    whole = lift('type = "slotted"')
+    assert lift('type = "slotted", span = [0.0, 0.5]') == pytest.approx(0.5 * whole, rel=1e-12)
+    given = lift('type = "slotted", efficiency = 0.41, span = [0.5, 1.0]')
+    assert given == pytest.approx(0.25 * whole, rel=1e-12)
