@@ -70,10 +70,9 @@ def update_flow(
     variants = steps(beside_all_free, plan, proof, **where) if all_free else None
     library = steps(freeze_library, plan, **where)
     rivals = steps(find_sensor_rivals, plan, library, update, **where)
-    document = steps(publish_candidate, plan, update, proof, beyond, rivals, **where)
+    document = steps(publish_candidate, plan, update, proof, beyond, rivals, variants, **where)
     document = steps(with_gate, document, **where)
-    compared_with = {} if variants is None else {"held_or_free": variants}
-    return {**document, "page": steps(write_update_page, document, **where), **compared_with}
+    return {**document, "page": steps(write_update_page, document, **where)}
 
 
 def _on_ground(

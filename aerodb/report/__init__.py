@@ -66,6 +66,7 @@ if TYPE_CHECKING:
         rejected,
     )
     from .head import Head
+    from .held_or_free import held_or_free_words
     from .labels import channel_scale, visible
     from .lineage_figure import Graph, Relative, lineage_graph
     from .log_page import MOST_LOGS, LogStory, log_report, script_source

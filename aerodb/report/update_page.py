@@ -28,6 +28,7 @@ from aerodb.report.flight_errors import disagreements, flight_errors
 from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import advice_words, listed, with_true_signs
 from aerodb.report.head import Head
+from aerodb.report.held_or_free import held_or_free_words
 from aerodb.report.page import render
 from aerodb.report.reach import beyond_data
 from aerodb.report.style import Picture, picture
@@ -111,6 +112,9 @@ def update_report(story: UpdateStory) -> str:
         document=document,
         closed_loop=loop,
         on_which=on_which(document),
+        free_words=held_or_free_words(document["held_or_free"])
+        if "held_or_free" in document
+        else (),
         findings=[
             {
                 **told(finding, story.labels),

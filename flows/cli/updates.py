@@ -192,6 +192,8 @@ def print_update(session: Session, document: dict[str, Any], verbose: bool) -> N
 
 def say_held_or_free(session: Session, found: dict[str, Any]) -> None:
     """Print the held-out errors with the terms of the database held and free, and which to keep."""
+    from aerodb.report import held_or_free_words
+
     session.say()
     session.say("error on held-out flights, with the terms of the database held and free:")
     session.table(
@@ -202,14 +204,10 @@ def say_held_or_free(session: Session, found: dict[str, Any]) -> None:
         ],
         numbers=(1, 2, 3),
     )
-    advice = {
-        "held": "Keep the terms of the database",
-        "free": "Free them: declare these terms in the model file, and update again",
-    }
-    session.say(f"{advice[found['keep']]}. {found['because']}.")
-    if found["keep"] == "free":
-        for axis, terms in found["terms"].items():
-            session.say(f"  {axis}: {', '.join(terms)}")
+    advice, *terms = held_or_free_words(found)
+    session.say(advice)
+    for each in terms:
+        session.say(f"  {each}")
 
 
 def say_decision(session: Session, document: dict[str, Any], given: "Sequence[str]" = ()) -> None:

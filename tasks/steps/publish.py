@@ -48,12 +48,15 @@ def publish_candidate(
     proof: tuple[AxisValidation, ...],
     beyond: tuple[Beyond, ...],
     rivals: tuple[SensorRival, ...],
+    variants: dict[str, Any] | None = None,
     *,
     workspace: str,
     run: str,
 ) -> dict[str, Any]:
     """Store an update's candidate with its validation, point ``candidate`` at it, and return the
     document (docs/reference/contract.md, section "update and close-loop"), in SI units.
+
+    variants : what `beside_all_free` returns, where that was asked for.
     """
     access = access_workspace(workspace)
     document = update_document(
@@ -87,8 +90,11 @@ def publish_candidate(
         "held_out": list(plan.hold_out.held_out),
         "update": RESULT_VERSION["update"],
         **({} if plan.method == REGRESSION else {"method": plan.method}),
+        **({} if variants is None else {"all_free": True}),
         **_selection(plan),
     }
+    if variants is not None:
+        document["held_or_free"] = variants
     document["method"] = plan.method
     document |= _selection(plan)
     why = "declared increments estimated"

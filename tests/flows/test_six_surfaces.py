@@ -100,3 +100,13 @@ def test_new_terms_alone_or_with_all_free_by_command(tmp_path: Path) -> None:
         (found,) = re.findall(rf"^{axis} +(\S+) +(\S+) +(\S+)", variants, re.MULTILINE)
         assert found[:2] == outcome, axis
         assert float(found[1]) < float(found[0]), axis
+    (file,) = (workspace / "reports").glob("yf22-v0002-*.html")
+    made = tmp_path / "again.html"
+    aerodb(workspace, "report", "update", "v0002", *VEHICLE, "--output", str(made))
+    for page in (file.read_text(encoding="utf-8"), made.read_text(encoding="utf-8")):
+        errors, variants = page.split("Terms of the database held, or all free")
+        assert "Keep the terms of the database. All terms free predict" in variants
+        for axis in ("CY", "Cl", "Cn"):
+            row = rf'<tr><th scope="row">{axis}</th><td class="n">([^<]+)</td><td class="n">(?:<strong>)?([^<]+)'
+            (outcome, *_), (found, *_) = re.findall(row, errors), re.findall(row, variants)
+            assert found == outcome, axis
