@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 17,
     "update": 21,
     "gram": 19,
-    "close_loop": 56,
+    "close_loop": 57,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

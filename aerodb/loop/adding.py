@@ -8,13 +8,13 @@ from types import MappingProxyType
 
 import numpy as np
 
-from aerodb.coefficients import Comparison
 from aerodb.effects import FlightView, add_effects, envelopes_of
 from aerodb.increments import Update, keep_slope_signs, worse_axes
 from aerodb.loop.constant_lift import Written
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.refit import refit_of, refit_terms
+from aerodb.loop.sensor_share import compared_with, less_share, sensor_shares
 from aerodb.loop.stall import EFFECT, added_stall
 from aerodb.loop.stall_hysteresis import (
     added_lift_hysteresis,
@@ -48,14 +48,23 @@ def bearable(
     First without the constants of the axes concerned, then without what is written on one axis
     after the other: a lift, a drag and a side force all reach CX, and only one of them need do harm
     there. Estimated together with terms that may not enter, a term can be right and still do harm.
+    An axis is worse where it is so with and without what the sensors found to be wrong leave: the
+    constant of a centre of gravity can hide that of what is added.
     """
-    before, added_on = compared(source, flights, database), _written_on(library)
+    before, added_on = compared_with(source, flights, database), _written_on(library)
+    shares = sensor_shares(source, flights, database, library, sensors)
 
     def tried(kept: list[Finding]) -> tuple[frozenset[str], AeroDatabase, list[Finding]]:
         if not kept:
             return frozenset(), database, kept
         candidate = added_to(source, database, library, kept, flights, sensors, written)
-        return worse_axes(before, compared(source, flights, candidate)), candidate, kept
+        after = compared_with(source, flights, candidate)
+        worse = worse_axes(before, after)
+        if worse and sensors:
+            worse &= worse_axes(
+                *({f: less_share(each[f], shares[f]) for f in each} for each in (before, after))
+            )
+        return worse, candidate, kept
 
     worse, candidate, kept = tried(list(new))
     if worse:
@@ -75,18 +84,6 @@ def _written_on(library: Library) -> Callable[[Finding], tuple[str, ...]]:
     """The axes that a finding is written on; of a stall, those that it acts on."""
     axes = {hypothesis.id: tuple(hypothesis.written_on) for hypothesis in library.hypotheses}
     return lambda finding: axes.get(finding.hypothesis, tuple(finding.axis))
-
-
-def compared(
-    source: FlightSource, flights: Sequence[str], database: AeroDatabase
-) -> dict[str, Comparison]:
-    """Return, for each flight (its id), its comparison with a database.
-
-    Coefficients are (n,), dimensionless.
-    """
-    return dict(
-        zip(flights, in_threads(lambda id: source.comparison(id, database), flights), strict=True)
-    )
 
 
 def added_to(

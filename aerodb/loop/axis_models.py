@@ -28,9 +28,9 @@ from aerodb.increments import (
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.moving_air import evidently_moving
-from aerodb.loop.sensor_share import without_sensors
+from aerodb.loop.sensor_share import compared_with, sensor_shares, without_shares
 from aerodb.loop.shapes import imitated_shapes
-from aerodb.support import in_threads
+from aerodb.support import Array, in_threads
 from aerodb.tables import AeroDatabase, Increment
 from aerodb.tracing import (
     ADDED,
@@ -160,7 +160,7 @@ def axis_models(
             return None, ()
         terms = increment_models(tests, axes, beside, out)
         axes &= supported_axes(tests, terms, beside)
-    estimator = _Estimator(source, baseline, tuple(flights))
+    estimator = _Estimator(source, baseline, tuple(flights), library, sensors)
     errors = dict.fromkeys(sorted(axes), (0.0, 0.0))
     remarks: tuple[str, ...] = ()
     if given is None:
@@ -169,7 +169,7 @@ def axis_models(
             for axis, members in _on(axes, terms, hypotheses).items()
             if sum(each.effect != "zero_offset" for each in members) >= _MANY
         }
-        errors = _proved(estimator, candidate, models, library, sensors)
+        errors = _proved(estimator, candidate, models)
         if not errors or evidently_moving(source, flights, baseline, library):
             return None, ()
         proved = {axis: models[axis] for axis in errors}
@@ -193,18 +193,32 @@ def axis_models(
 
 @dataclass(frozen=True)
 class _Estimator:
-    """Estimates increment models from the comparisons of flights with a database."""
+    """Estimates increment models from the comparisons of flights with a database, without what
+    sensors that were found to be wrong (id -> error, SI) leave."""
 
     source: FlightSource
     baseline: AeroDatabase
     flights: tuple[str, ...]
+    library: Library
+    sensors: Mapping[str, float]
 
     @cached_property
     def compared(self) -> Mapping[str, tuple[Flight, Comparison]]:
-        """Flights (by id) with their comparisons with the database."""
-        comparisons = in_threads(lambda id: self.source.comparison(id, self.baseline), self.flights)
-        flights = [self.source.flight(id) for id in self.flights]
-        return dict(zip(self.flights, zip(flights, comparisons, strict=True), strict=True))
+        """Flights (by id) with their comparisons with the baseline."""
+        left = self.beside_sensors(self.baseline, self.flights)
+        return {id: (self.source.flight(id), left[id]) for id in self.flights}
+
+    @cached_property
+    def shares(self) -> Mapping[str, Mapping[str, Array]]:
+        """What the sensors leave: flight (id) -> axis -> (n,)."""
+        given = (self.flights, self.baseline, self.library, self.sensors)
+        return sensor_shares(self.source, *given)
+
+    def beside_sensors(
+        self, database: AeroDatabase, flights: Sequence[str]
+    ) -> Mapping[str, Comparison]:
+        """Return flight (id) -> its comparison with a database, without what the sensors leave."""
+        return without_shares(self.source, flights, database, self.shares)
 
     def update(self, models: Mapping[str, Sequence[Hypothesis]], flights: Sequence[str]) -> Update:
         """Return the database with the models (axis -> terms), estimated from some of the flights.
@@ -327,7 +341,7 @@ def _far(
 ) -> set[str]:
     """The axes whose error is far enough above the noise of the sensors for a model to lower it
     materially."""
-    compared = in_threads(lambda flight: source.comparison(flight, candidate), flights)
+    compared = compared_with(source, flights, candidate).values()
 
     def is_far(axis: str) -> bool:
         if not all(axis in each.usable and each.usable[axis].any() for each in compared):
@@ -349,23 +363,20 @@ def _proved(
     estimator: _Estimator,
     candidate: AeroDatabase,
     models: Mapping[str, Sequence[Hypothesis]],
-    library: Library,
-    sensors: Mapping[str, float],
 ) -> dict[str, tuple[float, float]]:
     """Axis -> errors (rms) with the singles and of the model on flights left out, where the model
-    is materially better than the singles and the sensors that were found to be wrong, and better
-    about the mean of every flight."""
+    is materially better than the singles, and better about the mean of every flight."""
     if not models:
         return {}
     flights = estimator.flights
 
     def alone(flight: str) -> Comparison:
         others = estimator.update(models, [other for other in flights if other != flight])
-        return estimator.source.comparison(flight, others.candidate)
+        return estimator.beside_sensors(others.candidate, [flight])[flight]
 
     pairs = list(
         zip(
-            without_sensors(estimator.source, flights, candidate, library, sensors).values(),
+            estimator.beside_sensors(candidate, flights).values(),
             in_threads(alone, flights),
             strict=True,
         )

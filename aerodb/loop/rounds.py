@@ -11,7 +11,7 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import SURFACE_MOTION
 from aerodb.increments import worse_axes
 from aerodb.loop.accept import Accept
-from aerodb.loop.adding import added_to, bearable, compared, separates
+from aerodb.loop.adding import added_to, bearable, separates
 from aerodb.loop.axis_models import AxisModel, axis_models
 from aerodb.loop.constant_lift import (
     CONSTANT,
@@ -27,7 +27,7 @@ from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
 from aerodb.loop.moving_air import beside_rotating_air
 from aerodb.loop.refit import axes_of_misfit_shapes
 from aerodb.loop.remarks import on_linear_terms, on_shapes, on_stall, on_withheld, on_without_gain
-from aerodb.loop.sensor_share import found_sensors
+from aerodb.loop.sensor_share import compared_with, found_sensors, sensor_shares, without_shares
 from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT
 from aerodb.loop.stall_hysteresis import one_stall
@@ -264,7 +264,7 @@ def _as_lift(given: _Given, findings: Sequence[Finding], sensors: Mapping[str, f
         candidate = added_to(
             source, given.baseline, given.library, [finding], flights, sensors, written, refit=False
         )
-        return compared(source, flights, candidate)
+        return compared_with(source, flights, candidate)
 
     return as_constant_lift(findings, given.library, with_one)
 
@@ -335,10 +335,10 @@ def _with_withheld(given: _Given, state: _State) -> _State:
         source, flights, database = given.source, given.flights, state.database
         sensors = found_sensors(state.findings.values())
         candidate = added_to(source, database, given.library, [finding], flights, sensors)
-        before = compared(source, flights, database)
-        worse = worse_axes(before, compared(source, flights, candidate))
+        before = compared_with(source, flights, database)
+        worse = worse_axes(before, compared_with(source, flights, candidate))
         turned = about_flown_mean(source, flights, database, candidate, worse)
-        if not worse_axes(before, compared(source, flights, turned)):
+        if not worse_axes(before, compared_with(source, flights, turned)):
             state = replace(
                 state,
                 database=turned,
@@ -358,9 +358,11 @@ def _turned(given: _Given, state: _State) -> _State:
     turned = about_zero_lift(source, flights, given.baseline, state.database, library, sensors)
     if turned is state.database:
         return state
-    before = compared(source, flights, given.baseline)
-    worse = worse_axes(before, compared(source, flights, turned))
-    return state if worse else replace(state, database=turned)
+    shares = sensor_shares(source, flights, given.baseline, library, sensors)
+    before, after = (
+        without_shares(source, flights, each, shares) for each in (given.baseline, turned)
+    )
+    return state if worse_axes(before, after) else replace(state, database=turned)
 
 
 def _traced(

@@ -22,23 +22,35 @@ def found_sensors(findings: Collection[Finding]) -> dict[str, float]:
     return {each.hypothesis: each.value for each in findings if each.verdict == "sensor"}
 
 
-def without_sensors(
+def without_shares(
     source: FlightSource,
     flights: Collection[str],
     database: AeroDatabase,
-    library: Library,
-    sensors: Mapping[str, float],
+    shares: Mapping[str, Mapping[str, Array]],
 ) -> dict[str, Comparison]:
     """Return flight (id) -> its comparison with a database, measured coefficients (n,) without what
-    these sensors (id -> error, SI) add to them.
+    `sensor_shares` told of it.
 
     Raises InputError where a flight lacks what is needed.
     """
-    shares = sensor_shares(source, flights, database, library, sensors)
     return {
-        flight: less_share(source.comparison(flight, database), share)
-        for flight, share in shares.items()
+        flight: less_share(compared, shares[flight])
+        for flight, compared in compared_with(source, flights, database).items()
     }
+
+
+def compared_with(
+    source: FlightSource, flights: Collection[str], database: AeroDatabase
+) -> dict[str, Comparison]:
+    """Return flight (id) -> its comparison with a database.
+
+    Coefficients are (n,), dimensionless.
+    """
+    return dict(
+        zip(
+            flights, in_threads(lambda id: source.comparison(id, database), [*flights]), strict=True
+        )
+    )
 
 
 def sensor_shares(

@@ -19,7 +19,7 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import WIND_TO_BODY_AXES, from_zero_lift, lift_curve
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.sensor_share import less_share, sensor_shares
+from aerodb.loop.sensor_share import sensor_shares, without_shares
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Expression, Name, number, parse, plus
 
@@ -59,10 +59,9 @@ def about_zero_lift(
             continue
         if shares is None:  # the two differ by a constant
             shares = sensor_shares(source, flights, candidate, library, sensors)
-        constants = []
-        for each in pair:
-            left = {f: less_share(source.comparison(f, each), shares[f]) for f in shares}
-            constants.append(mean_constant(left, body))
+        constants = [
+            mean_constant(without_shares(source, flights, each, shares), body) for each in pair
+        ]
         if None not in constants:
             candidate = pair[abs(constants[1] or 0.0) < abs(constants[0] or 0.0)]
     return candidate

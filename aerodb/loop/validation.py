@@ -19,6 +19,7 @@ from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.noise_floor import noise_floors
 from aerodb.loop.rounds import LoopResult, run_loop
+from aerodb.loop.sensor_share import found_sensors, sensor_shares, without_shares
 from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import validated_within_flights
 from aerodb.tables import AeroDatabase
@@ -41,13 +42,20 @@ def validate_loop(
     A flight left out takes no part in a loop of its own; which terms increment models have is known
     there, their values are not. A stall is fitted to the other flights
     that stall; where manoeuvres were the units, heads and tails of flights are predicted from
-    everything else. predictors : is given, per flight (its id) that was predicted as a whole, the
-    database that predicted it.
+    everything else. Where whole flights are the units, neither error holds what sensors that the
+    loop found to be wrong leave: it is no error of a database. predictors : is given, per flight
+    (its id) that was predicted as a whole, the database that predicted it.
     """
     predictors = {} if predictors is None else predictors
     flights = (*hold_out.identified, *hold_out.held_out)
-    before = {flight: source.comparison(flight, loop.baseline) for flight in flights}
-    after = {flight: source.comparison(flight, loop.candidate) for flight in flights}
+    within = loop.separates or loop.by_manoeuvre
+    sensors = {} if within else found_sensors(loop.findings)
+    shares = sensor_shares(source, flights, loop.baseline, library, sensors)
+
+    def seen(flights: Sequence[str], database: AeroDatabase) -> dict[str, Comparison]:
+        return without_shares(source, flights, database, shares)
+
+    before, after = seen(flights, loop.baseline), seen(flights, loop.candidate)
     if hold_out.kind != "cross-validated":
         predictors.update(dict.fromkeys(hold_out.held_out, loop.candidate))
         floors = noise_floors(source, hold_out.held_out or flights, loop.candidate)
@@ -58,7 +66,7 @@ def validate_loop(
         def from_others(left_out: str) -> Comparison:
             others = tuple(flight for flight in library.stall if flight != left_out)
             predictors[left_out] = added_stall(source, loop.baseline, others)
-            return source.comparison(left_out, predictors[left_out])
+            return seen([left_out], predictors[left_out])[left_out]
 
         return validate_by_leaving_one_out(before, after, from_others, floors)
     if loop.by_manoeuvre:
@@ -76,7 +84,7 @@ def validate_loop(
             [term for model in loop.axis_models for term in model.terms],
         )
         predictors[left_out] = again.candidate
-        return source.comparison(left_out, again.candidate)
+        return seen([left_out], again.candidate)[left_out]
 
     return validate_by_leaving_one_out(before, after, without, floors)
 

@@ -33,8 +33,8 @@ class Decision:
     """Five lines to decide on, and what stands below them.
 
     verdict : one sentence. lines : label with its texts, one below the other: ``found`` (or
-    ``strongest``), ``proved``, ``gate`` and ``next``, then ``also``, ``FILE``, ``measure``,
-    ``why``, ``stops`` and ``left``; those that do not apply are absent.
+    ``strongest``), ``proved``, ``gate`` and ``next``, then ``also``, ``wrong``, ``FILE``,
+    ``measure``, ``why``, ``stops`` and ``left``; those that do not apply are absent.
     """
 
     verdict: str
@@ -63,6 +63,7 @@ def decision(
         ("gate", [_gate(document)] if made else []),
         *((label, [text]) for label, text in (next_steps(document, given) if loop or made else ())),
         ("also", named[1:]),
+        ("wrong", _sensors(document, units) if made and loop else []),
         ("why", _why(document, rest) if made else []),
         ("stops", _stops(document, rest)),
         ("left", [_left(document)]),
@@ -219,6 +220,12 @@ def _suspicions(document: Mapping[str, Any], units: UnitSystem | None, rest: str
     levels = [text for each in document.get("levels", ()) if (text := followed(each, units))]
     named = [*levels, *(_sized(each, units) for each in findings)]
     return [*named[:_MOST], *_more(len(named), rest)]
+
+
+def _sensors(document: Mapping[str, Any], units: UnitSystem | None) -> list[str]:
+    """Sensors and vehicle data that were found to be wrong beside what was added."""
+    found = [each for each in document["findings"] if each["verdict"] == "sensor"]
+    return [f"{_sized(each, units)}; correct it: errors are told without it" for each in found]
 
 
 def _proof(document: Mapping[str, Any]) -> str:

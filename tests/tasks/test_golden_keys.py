@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (5, "9bddc87eacf8be8c", "9ddddc1b635ef5d7"),
     "compare": (17, "63f613252a6f744b", "75ab953bf9aaf46f"),
     "gram": (19, "3d21faee46160e78", "3a3f7f26d525276a"),
-    "close_loop": (56, "31363509640a29fd", "6ca54c06536d6ad2"),
+    "close_loop": (57, "92422a6b5a050842", "6ca54c06536d6ad2"),
     "fly": (4, "54d04c2389bdffef", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (17, "c7e969bdaae57953", "be09817f5df27dda"),

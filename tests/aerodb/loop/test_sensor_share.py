@@ -1,16 +1,25 @@
 """What sensors that were found to be wrong leave in a comparison."""
 
+from dataclasses import replace
+
 import numpy as np
+import pytest
 
 from aerodb.coefficients import total_coefficients
-from aerodb.loop import freeze_library
-from aerodb.loop.sensor_share import without_sensors
-from tests.aerodb.loop.test_axis_models import database, flights
-from tests.support.flights_in_memory import FlightsInMemory
+from aerodb.increments import HoldOut
+from aerodb.loop import Accept, freeze_library, run_loop, validate_loop
+from aerodb.loop.sensor_share import sensor_shares, without_shares
+from aerodb.tables import Increment, Interval, parse
+from tests.aerodb.loop import test_axis_models
+from tests.support.flights_in_memory import FlightsInMemory, noisy_flights
 
 
 def test_an_accelerometer_that_is_off_leaves_nothing_on_any_axis() -> None:
-    source, known, off = flights(range(60, 62), 0.0), database(1.0), 0.1  # m/s2
+    source, known, off = (
+        test_axis_models.flights(range(60, 62), 0.0),
+        test_axis_models.database(1.0),
+        0.1,
+    )  # m/s2
     ids, seen = tuple(source.flown), {}
     for id, (flight, _) in source.flown.items():
         high = flight.with_channels({"az": flight["az"] + off})
@@ -18,7 +27,8 @@ def test_an_accelerometer_that_is_off_leaves_nothing_on_any_axis() -> None:
         seen[id] = (high, made)
     wrong = FlightsInMemory(source.vehicle, seen)
     library = freeze_library(wrong, ids, known)
-    right = without_sensors(wrong, ids, known, library, {"accelerometer_bias@all:z": off})
+    shares = sensor_shares(wrong, ids, known, library, {"accelerometer_bias@all:z": off})
+    right = without_shares(wrong, ids, known, shares)
     for id in ids:
         before, after, truth = wrong.comparison(id, known), right[id], source.comparison(id, known)
         for axis in ("CZ", "C_lift", "C_drag", "Cm"):
@@ -29,4 +39,43 @@ def test_an_accelerometer_that_is_off_leaves_nothing_on_any_axis() -> None:
             )
             assert added > 1e-4, axis
             assert left <= 0.01 * added, axis
-    assert without_sensors(wrong, ids, known, library, {}).keys() == right.keys()
+    none = sensor_shares(wrong, ids, known, library, {})
+    assert without_shares(wrong, ids, known, none).keys() == right.keys()
+
+
+def test_what_is_missing_beside_a_wrong_centre_of_gravity_is_judged_without_it() -> None:
+    """The pitch damping lacks, and the centre of gravity is off: both are found, the damping enters
+    with its size, nothing imitates the other, and errors are told without the centre of gravity."""
+    whole, off = test_axis_models.database(1.0), 0.1  # m
+    damping = Increment(
+        "Cm",
+        (parse("q_hat"),),
+        np.array([-4.0]),
+        np.array([[1e-4]]),
+        {"alpha": Interval(-0.5, 0.5, 0.1)},
+        ("one",),
+    )
+    flown = replace(whole, increments=(damping,))
+    source = noisy_flights(range(60, 66), flown, np.random.default_rng(5), 1.0)
+    ids = tuple(source.flown)
+    (cg,) = (h for h in freeze_library(source, ids, whole).hypotheses if h.id == "cg_offset@all:z")
+    seen = {}
+    for id, (flight, made) in source.flown.items():
+        columns = cg.columns(source.view(id, whole))
+        more = {axis: made.values[axis] + off * column for axis, column in columns.items()}
+        seen[id] = (flight, replace(made, values={**made.values, **more}))
+    wrong = FlightsInMemory(source.vehicle, seen)
+    split = HoldOut(ids[:5], ids[5:], "held-out")
+    library = freeze_library(wrong, split.identified, whole)
+    loop = run_loop(wrong, split.identified, whole, library, Accept())
+    found = {finding.hypothesis: finding for finding in loop.findings}
+    assert found[cg.id].verdict == "sensor"
+    assert [finding.hypothesis for finding in loop.added] == ["pitch_damping@Cm"]
+    assert found["pitch_damping@Cm"].verdict == "confirmed"
+    assert found["pitch_damping@Cm"].value == pytest.approx(-4.0, rel=0.1)
+    axes = {entry.axis: entry for entry in validate_loop(wrong, split, library, loop, Accept())}
+    (held,) = split.held_out
+    truth = test_axis_models.error(source, held, flown)
+    measured = test_axis_models.error(wrong, held, flown)
+    assert measured > 2.0 * truth
+    assert axes["Cm"].held_out_rms_after == pytest.approx(truth, rel=0.2)
