@@ -118,9 +118,14 @@ def of_error(error: AeroError) -> Remark:
 
 def _shown(remark: Remark, name: str) -> str:
     """A value with its unit, two digits; angles in degrees."""
+    value, unit = _for_eyes(remark, name)
+    return f"{value:.2g} {unit}"
+
+
+def _for_eyes(remark: Remark, name: str) -> tuple[float, str]:
+    """A value and its unit; angles in degrees."""
     value, unit = remark.values[name]
-    shown, unit = (math.degrees(value), "deg") if unit == "rad" else (value, unit)
-    return f"{shown:.2g} {unit}"
+    return (math.degrees(value), "deg") if unit == "rad" else (value, unit)
 
 
 #: Channel -> the setting in [accuracy] of the vehicle file that is its limit.
@@ -183,22 +188,28 @@ def _sensor_error(remark: Remark) -> tuple[str, ...]:
 
 def _position(remark: Remark) -> tuple[str, ...]:
     figures = ", ".join(f"{remark.values[name][0]:.1f}" for name in remark.subjects)
-    jump, limit = remark.values["jump"][0], remark.values["limit"][0]
+    (jump, unit), (limit, _) = remark.values["jump"], remark.values["limit"]
     return (
         "position is not the integral of velocity",
-        f"off by {figures} m/s rms (north, east, down), jumps to {jump:.0f} m/s; limit {limit:g}"
-        " m/s",
+        f"off by {figures} {unit} rms (north, east, down), jumps to {jump:.0f} {unit}; limit"
+        f" {limit:.3g} {unit}",
     )
 
 
 def _flow(remark: Remark) -> tuple[str, ...]:
-    mean, deviation, limit = (
-        math.degrees(remark.values[name][0]) for name in ("mean", "deviation", "limit")
-    )
+    mean, deviation, limit = (_for_eyes(remark, name)[0] for name in ("mean", "deviation", "limit"))
     return (
         f"alpha of velocity less wind differs from the probe by {mean:.1f} deg mean,"
         f" {deviation:.1f} deg std; limit {limit:.1f} deg",
     )
+
+
+def _moving_air(remark: Remark) -> tuple[str, ...]:
+    """The strongest gusts, and by which methods the flight can be used all the same."""
+    if not remark.values:
+        return (remark.text,)
+    size = _shown(remark, max(remark.values, key=lambda name: remark.values[name][0]))
+    return (f"turbulence of {size} rms", "use regression or filter error, not output error")
 
 
 def _not_believable(remark: Remark) -> tuple[str, ...]:
@@ -226,6 +237,7 @@ WORDS: Final[Mapping[str, Callable[[Remark], tuple[str, ...]]]] = {
     ),
     POSITION_AGAINST_VELOCITY: _position,
     FLOW_AGAINST_VELOCITY: _flow,
+    MOVING_AIR: _moving_air,
     CONTRADICTS: lambda r: (f"beside version {r.subjects[0]}", r.text),
     NOT_BELIEVABLE: _not_believable,
     UNUSABLE: lambda r: (str(AeroError(r.text, *r.subjects)),),
@@ -236,7 +248,7 @@ WORDS: Final[Mapping[str, Callable[[Remark], tuple[str, ...]]]] = {
 #: Kind -> its clause, where that is not how its words begin.
 CLAUSES: Final[Mapping[str, Callable[[Remark], str]]] = {
     MISPLACED: lambda _: "the vane seems to be elsewhere than the vehicle file says",
-    MOVING_AIR: lambda _: "the air moved",
+    MOVING_AIR: lambda _: "turbulence",
     SOLUTION: lambda _: "a navigation solution is not consistent",
     CONTRADICTS: lambda r: f"it contradicts version {r.subjects[0]}",
     UNUSABLE: lambda r: str(AeroError(r.text, r.subjects[0])),

@@ -9,15 +9,15 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 9,
     "conditioning": 26,
-    "consistency": 27,
+    "consistency": 28,
     "coefficients": 5,
     "compare": 17,
     "import": 2,
-    "fly": 4,
+    "fly": 5,
     "estimate": 17,
-    "update": 21,
+    "update": 22,
     "gram": 19,
-    "close_loop": 57,
+    "close_loop": 58,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

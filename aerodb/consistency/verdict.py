@@ -249,8 +249,8 @@ def _moving(path: ReconstructedPath) -> ProcessNoise:
     if not wobble or felt <= 2.0 * max(wobble):
         return noise
     because = (
-        f"the air moved: the airspeed holds gusts ({felt:.2f} m/s rms) that the velocity over the"
-        " earth does not share"
+        f"the airspeed holds gusts ({felt:.2f} m/s rms) that the velocity over the earth does not"
+        " share"
     )
     return replace(noise, matters=True, because=because)
 

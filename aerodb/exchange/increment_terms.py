@@ -105,7 +105,7 @@ def _rewritten(increment: Increment, stem: str) -> tuple[dict[str, Variable], Ex
             held[name] = Name(f"{stem}_held_{name}")
         if name in fading:
             variables[f"{stem}_weight_{name}"] = Variable(
-                _weight(name, interval), "1", f"envelope of {name}: {_RULE}"
+                _weight(name, interval), "1", f"flown range of {name}: {_RULE}"
             )
             weights[name] = Name(f"{stem}_weight_{name}")
     addends = []

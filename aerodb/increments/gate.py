@@ -134,7 +134,7 @@ def judge_release(
     cross_validated : whether they are those of each flight left out in turn: the check is then not
         called one of held-out flights.
     """
-    error = "excess error of each flight left out in turn falls (not held out)"
+    error = "error beyond the noise floor of each flight left out in turn falls (not held out)"
     return GateVerdict(
         (
             GateCheck("parent is the released version", _parent(standing), "parent"),
@@ -142,7 +142,7 @@ def judge_release(
             GateCheck("content as stored", _content(standing), "content"),
             _check_cases(candidate, check_cases),
             GateCheck(
-                error if cross_validated else "excess held-out error falls",
+                error if cross_validated else "error beyond the noise floor falls",
                 _excess(axes, within_flights),
                 "left-out error" if cross_validated else "held-out error",
                 () if within_flights else _excess_measures(axes),
@@ -335,7 +335,10 @@ def _excess(axes: Mapping[str, Mapping[str, Any]], within_flights: bool) -> tupl
             for entry in entries.values()
         ):
             return ()
-        return (f"on no axis does the excess error on held-out flights fall by {UNCHANGED:.0%}",)
+        return (
+            "on no axis does the error beyond the noise floor fall on held-out flights by"
+            f" {UNCHANGED:.0%}",
+        )
     grown = ", ".join(
         f"{axis} {entry['excess_before']:.3g} to {entry['excess_after']:.3g}"
         for axis, entry in entries.items()
@@ -343,8 +346,8 @@ def _excess(axes: Mapping[str, Mapping[str, Any]], within_flights: bool) -> tupl
     )
     return (
         (
-            f"the excess error on held-out flights goes from {before:.4g} to {after:.4g} noise"
-            f" floors ({grown})"
+            f"the error beyond the noise floor on held-out flights goes from {before:.4g} to"
+            f" {after:.4g} noise floors ({grown})"
         ),
     )
 

@@ -49,7 +49,7 @@ class Accept:
             if name != ALL and name not in known:
                 effects = {hypothesis.effect for hypothesis in library.hypotheses}
                 raise InputError(
-                    f"no effect '{name}' in the library",
+                    f"no effect '{name}' is known",
                     "close-loop",
                     nearest(name, effects, len(effects)),
                 )

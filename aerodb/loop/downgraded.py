@@ -11,7 +11,7 @@ from aerodb.loop.remarks import TRACED_BEFORE
 from aerodb.tracing import Finding, Traced, only_suspected
 
 #: Why a hypothesis that residuals may have suggested is suspected at most.
-_LATE = "it joined the library after these flights had been looked at"
+_LATE = "it joined the list of effects after these flights had been looked at"
 #: Why one is that helps no other flight, or only beside what is not admitted.
 _NO_GAIN = (
     "its addition lowers the error of other flights by less than 1 %, or by less than the"

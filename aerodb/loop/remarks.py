@@ -7,8 +7,8 @@ from aerodb.tables import STATE_CHANNEL, AeroDatabase
 
 #: Where flights were looked at before with another library.
 TRACED_BEFORE: Final = (
-    "These flights were traced before with another library: what joined it since is suspected"
-    " at most."
+    "These flights were traced before with another list of effects: what joined it since is"
+    " suspected at most."
 )
 
 

@@ -63,6 +63,8 @@ if TYPE_CHECKING:
         hypothesis_words,
         in_words,
         listed,
+        parameter_name,
+        reasons_in_units,
         rejected,
     )
     from .head import Head

@@ -13,7 +13,7 @@ from aerodb.increments import NEAR_FLOOR
 from aerodb.remarks import REFUSED
 from aerodb.report.error_table import best_and_worse, by_parts, error_rows, shown_axes, written_on
 from aerodb.report.former_documents import remarks_of
-from aerodb.report.glossary import effect_words, listed
+from aerodb.report.glossary import effect_words, listed, parameter_name
 from aerodb.report.levels import followed
 from aerodb.report.next_command import next_steps
 from aerodb.report.numbers import for_people, number
@@ -65,7 +65,7 @@ def decision(
         ("also", named[1:]),
         ("wrong", _sensors(document, units) if made and loop else []),
         ("why", _why(document, rest) if made else []),
-        ("stops", _stops(document, rest)),
+        ("stops", _stops(document, units, rest)),
         ("left", [_left(document)]),
     ]
     return Decision(
@@ -135,7 +135,7 @@ def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -
     proved = gained[0]["axis"] if gained else ""
     if "library" not in document:
         if parameters := document.get("parameters", ()):
-            shown = [_from_to(each) for each in parameters[:_MOST]]
+            shown = [_from_to(each, units) for each in parameters[:_MOST]]
             return [*shown, *_more(len(parameters), rest)]
         terms = sorted(
             (
@@ -164,7 +164,7 @@ def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -
     }
     corrected = {p["name"]: p for p in document.get("parameters", ())}
     shown = [
-        _from_to(corrected[entry["parameter"]], entry["verdict"].replace("_", " "))
+        _from_to(corrected[entry["parameter"]], units, entry["verdict"].replace("_", " "))
         if entry["parameter"] in corrected
         else _sized(entry, units, slopes.get(entry["parameter"]))
         for entry in named[:_MOST]
@@ -181,15 +181,16 @@ def _more(n: int, rest: str) -> list[str]:
     return [f"{n - _MOST} more: {rest}"] if n > _MOST else []
 
 
-def _from_to(parameter: Mapping[str, Any], verdict: str = "") -> str:
+def _from_to(parameter: Mapping[str, Any], units: UnitSystem | None, verdict: str = "") -> str:
     """Name of a parameter, value before and after +- half of its 95 % interval; in brackets the
     change in per cent and the verdict."""
     before, after, error = (parameter[key] for key in ("before", "after", "standard_error"))
-    known = "" if error is None else f" +- {number(half_interval(error), 2)}"
-    unit = "" if parameter["unit"] == "1" else f" {parameter['unit']}"
+    factor, unit = for_people(parameter["unit"], units)
+    known = "" if error is None else f" +- {number(factor * half_interval(error), 2)}"
+    unit = "" if unit == "-" else f" {unit}"
     share = f"{100.0 * (after / before - 1.0):+.0f} %" if before else ""
     notes = ", ".join(filter(None, (share, verdict)))
-    size = f"{number(before)} -> {number(after)}{known}{unit}"
+    size = f"{number(factor * before)} -> {number(factor * after)}{known}{unit}"
     return f"parameter {parameter['name']}: {size}" + (f" ({notes})" if notes else "")
 
 
@@ -203,12 +204,13 @@ def _sized(
         return f"{words} ({verdict})"
     factor, unit = for_people(finding["unit"], units)
     low, high = finding["ci95"]
-    unit = "" if unit == "-" else f" {unit}"
+    unit = "" if unit in ("-", "1") else f" {unit}"
     error = number(0.5 * factor * (high - low), 2)
     if slope is not None:
         change = f"{number(slope['before'])} -> {number(slope['after'])}"
         return f"{words} {change} +- {error}{unit} ({verdict})"
-    size = f"{finding['parameter']} {number(factor * finding['value'])} +- {error}{unit}"
+    named = parameter_name(finding["parameter"])
+    size = f"{named} {number(factor * finding['value'])} +- {error}{unit}"
     return f"{words}: {size} ({verdict})"
 
 
@@ -255,16 +257,19 @@ def _proof(document: Mapping[str, Any]) -> str:
     return f"{where}: {error}"
 
 
-def _stops(document: Mapping[str, Any], rest: str) -> list[str]:
+def _stops(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -> list[str]:
     """Where rolls on the ground stand still: by both databases and in flight; those that were held
     out first."""
     known = [each for each in document.get("rolls", ()) if each["stopped"] and each["before"]]
-    told = []
+    told, (factor, unit) = [], for_people("m", units)
     for each in sorted(known, key=lambda each: not each["held_out"]):
         named = (("before", "before"), ("after", "after"), ("in flight", "stopped"))
         stops = [(word, each[key]) for word, key in named if each[key]]
         told.append(
-            ", ".join(f"{word} {at['distance']:.1f} m in {at['time']:.2f} s" for word, at in stops)
+            ", ".join(
+                f"{word} {factor * at['distance']:.1f} {unit} in {at['time']:.2f} s"
+                for word, at in stops
+            )
         )
     return [*told[:_MOST], *_more(len(told), rest)]
 

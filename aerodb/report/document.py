@@ -128,7 +128,7 @@ def beyond_remarks(beyond: Sequence[Beyond], labels: Mapping[str, str]) -> list[
         name = labels.get(entry.flight, entry.flight[:12])
         ways = [_excursion(each) for each in entry.excursions]
         sentence = (
-            f"{name} leaves the flown envelope on {entry.axis} in {entry.share:.0%} of its samples"
+            f"{name} leaves the flown range on {entry.axis} in {entry.share:.0%} of its samples"
             f" ({'; '.join(ways)}). There the error is {entry.held_outside:.2g} as the version has"
             f" it, {_AS_CONTINUED if entry.continued else _AS_FADED}, and"
             f" {entry.extrapolated_outside:.2g} with its slopes extrapolated; over the whole flight"

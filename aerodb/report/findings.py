@@ -5,7 +5,14 @@ import re
 from collections.abc import Mapping
 from typing import Any, Final
 
-from aerodb.report.glossary import capital, effect_words, in_words, rejected, with_true_signs
+from aerodb.report.glossary import (
+    capital,
+    effect_words,
+    in_words,
+    parameter_name,
+    rejected,
+    with_true_signs,
+)
 from aerodb.report.numbers import for_people
 from aerodb.report.style import picture
 from aerodb.report.update_figures import forest_figure, voter
@@ -17,7 +24,7 @@ MEANS: Final[Mapping[str, str]] = {
     "alias_group": "several explanations fit these flights equally well",
     "ambiguous_sensor": "a sensor error cannot be excluded",
     "sensor": "a sensor error; to be corrected in flight-path reconstruction",
-    "unnamed": "reproducible, but no template of the library fits",
+    "unnamed": "reproducible, but no effect that is known fits",
     "not_detected": "not found; sizes above the bound are excluded",
     "not_excited": "the flights do not excite it",
     "not_separable": "it cannot be separated from other effects in these flights",
@@ -61,8 +68,8 @@ def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any
     if len(finding["votes"]) >= _WITH_VOTES:
         shown = picture(
             forest_figure(finding, labels),
-            f"Estimates of {finding['parameter']} from {len(finding['votes'])} flights with 95 %"
-            " intervals, and the combined estimate.",
+            f"Estimates of {parameter_name(finding['parameter'])} from {len(finding['votes'])}"
+            " flights with 95 % intervals, and the combined estimate.",
             "Dots: the estimate of each flight with its 95 % interval. Diamond and band:"
             " combined estimate with its 95 % interval, random and systematic errors included.",
         )
@@ -120,5 +127,5 @@ def _mean_test(finding: Mapping[str, Any], factor: float) -> dict[str, Any] | No
         "ci95": [factor * low, factor * high],
         "p": test["p"],
         "joint": abs(finding["value"] - test["mean"]) > _SAME * (last - first),
-        "wider": f"what {why} anywhere in the envelope" if wider else "",
+        "wider": f"what {why} anywhere in the flown range" if wider else "",
     }

@@ -13,6 +13,7 @@ from typing import Any, Final
 
 from aerodb.remarks import Remark, from_document
 from aerodb.report.numbers import for_people, power_of_ten
+from aerodb.units import UnitSystem
 
 #: Effect -> its name; {axis} and {subject} are those of the hypothesis.
 EFFECTS: Final[Mapping[str, str]] = {
@@ -49,7 +50,7 @@ EFFECTS: Final[Mapping[str, str]] = {
     "parameter": "parameter {subject} of the database",
     "stall_hysteresis": "hysteresis of {axis} in the stall",
     "lift_hysteresis": "closed loop of {axis} in the stall",
-    "unnamed": "error of {axis} that no effect of the library fits",
+    "unnamed": "error of {axis} that no known effect fits",
     "qbar_scale": "scale of dynamic pressure",
     "qbar_offset": "constant error of dynamic pressure",
     "alpha_bias": "constant error of angle of attack",
@@ -107,6 +108,8 @@ _CHANNEL: Final = re.compile(
     r"(?<![\w.])(?:delta_\w+|(?:p|q|r|alphadot)_hat|alpha|beta|qbar|mach|height_above_ground|flow_attachment)"
     r"(?![\w=.])"
 )
+#: A parameter of what changes from an angle of attack [rad] on.
+_BREAK: Final = re.compile(r"(?P<name>C\w+_alpha) > (?P<value>\d+(?:\.\d+)?)")
 _MINUS: Final = re.compile(r"(?<![\w.)\]-])-(?=[\d.])")
 _LONG: Final = re.compile(r"(?<![\w.])\d+\.\d{7,}(?![\w.])")
 _POWER: Final = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d{1,3})\b")
@@ -131,6 +134,17 @@ def effect_words(finding: Mapping[str, Any]) -> str:
     return hypothesis_words(finding["hypothesis"])
 
 
+def parameter_name(text: str) -> str:
+    """The name of a parameter as people write it: where a slope changes, in degrees.
+
+    >>> parameter_name("Cm_alpha > 0.175"), parameter_name("CX_q")
+    ('Cm_alpha above 10 deg', 'CX_q')
+    """
+    return _BREAK.sub(
+        lambda found: f"{found['name']} above {math.degrees(float(found['value'])):.3g} deg", text
+    )
+
+
 def in_words(sentence: str) -> str:
     """A sentence of a document with names for the ids of hypotheses in it; what is to be typed
     stays.
@@ -143,7 +157,8 @@ def in_words(sentence: str) -> str:
     named = _HYPOTHESIS.sub(
         lambda found: the(_phrase(*found.group("effect", "axes", "subject"))), sentence
     )
-    return re.sub(r"(?:(?<=rad)|(?<=/s))\^([23])", lambda found: "²³"[int(found[1]) - 2], named)
+    powers = re.sub(r"(?:(?<=rad)|(?<=/s))\^([23])", lambda found: "²³"[int(found[1]) - 2], named)
+    return parameter_name(powers)
 
 
 def with_true_signs(sentence: str) -> str:
@@ -172,8 +187,29 @@ def rejected(finding: Mapping[str, Any]) -> dict[str, str]:
     return {**finding.get("fallen", {}), **told}
 
 
-def in_display_units(remark: Remark) -> Remark:
+def reasons_in_units(
+    reasons: Sequence[str],
+    consistency: Mapping[str, Any] | None,
+    units: UnitSystem | None = None,
+) -> list[str]:
+    """The reasons of a flight's verdict, those of its consistency (its document) in display units.
+
+    units : as `shown_units` says where none are given.
+    """
+    remarks = [from_document(each) for each in (consistency or {}).get("verdict_remarks", ())]
+    said = {
+        former: in_display_units(each, units).sentence
+        for each in remarks
+        for former in (each.sentence, each.text)  # flights of earlier releases have its text
+        if former
+    }
+    return [said.get(each, each) for each in reasons]
+
+
+def in_display_units(remark: Remark, units: UnitSystem | None = None) -> Remark:
     """A remark with its values in display units: degrees for radians.
+
+    units : as `shown_units` says where none are given.
 
     >>> needed = {"value": (0.1, "rad/s"), "low": (-0.02, "rad/s"), "high": (0.02, "rad/s")}
     >>> remark = Remark("size_not_believable", ("the reconstruction",), needed)
@@ -182,7 +218,7 @@ def in_display_units(remark: Remark) -> Remark:
     """
     values = {}
     for name, (value, unit) in remark.values.items():
-        factor, shown = for_people(unit)
+        factor, shown = for_people(unit, units)
         values[name] = (factor * value, unit if factor == 1.0 else shown)
     return replace(remark, values=values)
 

@@ -21,6 +21,7 @@ from aerodb.report.glossary import (
     channel_words,
     hypothesis_words,
     in_words,
+    parameter_name,
     rejected,
     with_true_signs,
 )
@@ -67,6 +68,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "excluded_sizes": excluded_sizes,
         "term_unit": term_unit,
         "term_name": term_name,
+        "parameter_name": parameter_name,
     }
 
 

@@ -101,8 +101,8 @@ def version_report(story: VersionStory) -> str:
                 figure,
                 f"Slices through {label} and {story.label} on the axes that change.",
                 "Band: 95 % interval of the increments. Above: the largest change ± half of its"
-                " 95 % interval, and where. Grey, between dotted lines: envelope of the"
-                f" identification flights. {_not_drawn(changes)}",
+                " 95 % interval, and where. Grey, between dotted lines: the"
+                f" range that was flown. {_not_drawn(changes)}",
             )
             for figure in diff_figures(before, story.database, names)
         ]

@@ -74,7 +74,8 @@ def stretch_of(
     Raises InputError naming what the flight lacks: channels, usable samples at the start, an input
     without a gap of more than 1 s.
     """
-    where = f"flight {flight.id[:12]}, {since:.1f} to {until:.1f} s"
+    first = float(flight.time[0])  # people count from the first sample
+    where = f"flight {flight.id[:12]}, {since - first:.1f} to {until - first:.1f} s"
     flight = with_states(with_mass_channels(flight, vehicle), model.database)
     _require(flight, (*NEEDED, *model.inputs), where)
     inside = np.flatnonzero((flight.time >= since - 1e-9) & (flight.time <= until + 1e-9))

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from .algebra import cancel, plus, substituted, times
     from .analysis import (
         QUANTITIES,
+        STAND_IN_SPEED,
         CheckCase,
         DatabaseDiff,
         Evaluation,

@@ -35,7 +35,7 @@ class Interval:
             and self.cell >= 0
         ):
             raise InputError(
-                f"envelope from {self.low:g} to {self.high:g} with a cell of {self.cell:g}"
+                f"flown range from {self.low:g} to {self.high:g} with a cell of {self.cell:g}"
             )
         for name in ("low", "high", "cell"):
             object.__setattr__(self, name, float(getattr(self, name)) + 0.0)
@@ -167,7 +167,9 @@ class Increment:
         if self.margins is not None:
             for name, margin in self.margins.items():
                 if name not in self.envelope or not (np.isfinite(margin) and margin >= 0.0):
-                    raise InputError(f"margin of {margin:g} beyond the envelope of {name}", where)
+                    raise InputError(
+                        f"margin of {margin:g} beyond the flown range of {name}", where
+                    )
         if len(self.folded) != k:
             raise InputError(f"{k} regressors, {len(self.folded)} entries in 'folded'", where)
         object.__setattr__(self, "_program", compile_program(self.regressors, {}))
@@ -183,7 +185,9 @@ class Increment:
             parts.append(f"{cells}: over one, a slope would change sign outside the data")
         if self.margins is not None:
             far = [_in_words(name, margin) for name, margin in self.margins.items() if margin]
-            how = f"continued beyond its envelope, {', '.join(far)}, then held" if far else "held"
+            how = (
+                f"continued beyond its flown range, {', '.join(far)}, then held" if far else "held"
+            )
             parts.append(f"{how} without fading: the database has nothing else on this axis")
         return "; ".join(filter(None, parts))
 

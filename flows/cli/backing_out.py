@@ -42,11 +42,11 @@ def back_out(
 
     file = parse_derivative_file(read_text(linear), str(linear))
     document = back_out_document(session.catalogue(), row, flight, file, parameter)
-    _print(session, document)
+    _print(session, row, document, f"aerodb version modes {words}")
     session.answer(document)
 
 
-def _print(session: Session, document: dict[str, Any]) -> None:
+def _print(session: Session, row: "VersionRow", document: dict[str, Any], then: str) -> None:
     apart = [
         each
         for each in document["derivatives"]
@@ -54,16 +54,20 @@ def _print(session: Session, document: dict[str, Any]) -> None:
     ]
     names = ", ".join(each["name"] for each in apart)
     held = ", ".join(each["name"] for each in document["parameters"] if each["at_bound"])
-    session.headlines(
+    verdict = (
         "the search did not settle: start nearer"
         if not document["converged"]
         else "the linear model meets the derivatives"
         if not apart
-        else f"{len(apart)} of {len(document['derivatives'])} derivatives are not met",
+        else f"{len(apart)} of {len(document['derivatives'])} derivatives are not met"
+    )
+    session.headlines(
+        f"{row.vehicle}: {row.label}: {verdict}",
         [
             ("beyond two standard errors", names),
             ("at a bound", held),
         ],
+        then,
     )
     session.say()
     session.table(
@@ -71,12 +75,13 @@ def _print(session: Session, document: dict[str, Any]) -> None:
         [
             [
                 each["name"],
-                f"{each['start']:.4g}",
-                f"{each['value']:.4g}",
-                f"{each['standard_error']:.2g}",
-                each["unit"],
+                f"{factor * each['start']:.4g}",
+                f"{factor * each['value']:.4g}",
+                f"{factor * each['standard_error']:.2g}",
+                "" if unit == "-" else unit,
             ]
             for each in document["parameters"]
+            for factor, unit in [session.units.scale(each["unit"])]
         ],
         numbers=(1, 2, 3),
     )

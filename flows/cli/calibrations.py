@@ -48,8 +48,24 @@ def list_calibrations(context: typer.Context, vehicle: Vehicle = None) -> None:
 
     session: Session = context.obj
     catalogue = session.catalogue()
-    rows = catalogue.calibrations(vehicle_of(catalogue, vehicle))
+    owner = vehicle_of(catalogue, vehicle)
+    rows = catalogue.calibrations(owner)
     bound = {row.id: catalogue.flights_bound_to(row.id) for row in rows}
+    if not rows:
+        session.headlines(
+            f"{owner}: no calibration; each flight is corrected by itself",
+            (),
+            f'aerodb recalibrate --vehicle {owner} --reason "..."',
+        )
+        session.answer([])
+        return
+    newest = rows[-1]
+    session.headlines(
+        f"{owner}: {len(rows)} calibration{'s' * (len(rows) > 1)}; the newest is {newest.label}",
+        [("corrects", _corrects(newest, len(bound[newest.id])))],
+        f"aerodb calibration show {newest.label} --vehicle {owner}",
+    )
+    session.say()
     session.table(
         ["calibration", "id", "made", "parameters", "from flights", "bound", "reason"],
         [
@@ -80,18 +96,21 @@ def show(context: typer.Context, calibration: str, vehicle: Vehicle = None) -> N
     session: Session = context.obj
     catalogue = session.catalogue()
     row = catalogue.calibration(vehicle_of(catalogue, vehicle), calibration)
+    bound, parameters = list(catalogue.flights_bound_to(row.id)), _parameters(row)
+    begin, end = row.content["valid_from"], row.content["valid_until"]
+    session.headlines(
+        f"{row.vehicle}: {row.label} corrects {_corrects(row, len(bound))}",
+        [
+            ("known best", _known_best(parameters, session.units)),
+            ("valid", f"from {begin or 'the first flight'}{f' until {end}' if end else ' on'}"),
+            ("why", row.reason),
+        ],
+    )
+    session.say()
+    _say_parameters(session, parameters)
     labels = catalogue.flight_labels(row.content["flights"])
-    session.say(
-        f"{row.label} ({row.id[:12]}) of {row.vehicle}, made {row.created_utc:%Y-%m-%d %H:%M} UTC:"
-        f" {row.reason}"
-    )
-    session.say(f"from flights: {', '.join(labels.values())}")
-    session.say(
-        f"valid from {row.content['valid_from'] or 'the first flight'} until"
-        f" {row.content['valid_until'] or 'further notice'}"
-    )
-    _say_parameters(session, _parameters(row))
-    session.answer({**_document(row), "bound": list(catalogue.flights_bound_to(row.id))})
+    session.say(f"made {row.created_utc:%Y-%m-%d %H:%M} UTC from {', '.join(labels.values())}")
+    session.answer({**_document(row), "bound": bound})
 
 
 def recalibrate(
@@ -172,7 +191,6 @@ def _say_calibration(
     now = Counter(each["verdict"] for each in document["consistency"].values())
     counted = _counted(now) if now == former else f"{_counted(now)}; before {_counted(former)}"
     parameters = document["parameters"]
-    known = sorted(parameters, key=lambda name: -_significance(parameters[name]))
     groups = [
         f"{group['label']} for {len(group['flights'])} flights that share more"
         for group in document["groups"]
@@ -181,13 +199,10 @@ def _say_calibration(
         f"{vehicle}: calibration {document['label']} from {len(document['flights'])} flights"
         f" ({counted})",
         [
-            (
-                "known best",
-                "; ".join(_error(name, parameters[name], session.units) for name in known[:_BEST]),
-            ),
+            ("known best", _known_best(parameters, session.units)),
             ("groups", "; ".join(groups)),
             ("skipped", _skipped(document["skipped"], names)),
-            ("to rebuild", ", ".join(stale)),
+            ("by the earlier", ", ".join(stale)),
         ],
         then,
     )
@@ -201,6 +216,18 @@ def _say_calibration(
             f" {', '.join(names[flight] for flight in group['flights'])}:"
         )
         _say_parameters(session, own or group["parameters"])
+
+
+def _corrects(row: "CalibrationRow", flights: int) -> str:
+    """Return how many errors a calibration corrects, and on how many flights."""
+    count = len(row.content["order"])
+    return f"{count} error{'s' * (count != 1)} of sensors on {flights} flight{'s' * (flights != 1)}"
+
+
+def _known_best(parameters: Mapping[str, Mapping[str, float]], units: "UnitSystem") -> str:
+    """Return the errors that are known best beside their size."""
+    known = sorted(parameters, key=lambda name: -_significance(parameters[name]))
+    return "; ".join(_error(name, parameters[name], units) for name in known[:_BEST])
 
 
 def _counted(verdicts: Counter[str]) -> str:

@@ -56,7 +56,7 @@ def close_loop(
         Path | None, typer.Option(help="File (TOML) of effects of your own.")
     ] = None,
     library: Annotated[
-        str, typer.Option(help="Required hash of the library; refused if it differs.")
+        str, typer.Option(help="Required hash of the list of effects; refused if it differs.")
     ] = "",
     select: Select = None,
     on_ground: Annotated[

@@ -27,8 +27,10 @@ def say_consistency(
 ) -> None:
     """Print verdict and reasons, the mismatch of each channel before and after, and the
     corrections; without `verbose` their number."""
+    from aerodb.report import reasons_in_units
+
     session.say(f"{indent}consistency: {document['verdict']}")
-    for reason in document["reasons"]:
+    for reason in reasons_in_units(document["reasons"], document, session.units):
         session.say(f"{indent}  {reason}")
     for remark in document.get("remarks", []):
         session.say(f"{indent}  {remark}")

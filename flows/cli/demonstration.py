@@ -37,6 +37,7 @@ def demo(
     """
     from aerodb.flows.demo import run_demo, write_logs
     from aerodb.flows.fly import validate_flow
+    from aerodb.report import parameter_name
 
     session: Session = context.obj
     workspace = session.workspace(create=True)
@@ -63,7 +64,7 @@ def demo(
             "flights": result.document["flights"]["held_out"],
         }
         responses = session.run(validate_flow, parameters, direct)
-        say_responses(session, "candidate", responses, verbose)
+        say_responses(session, result.document["label"], responses, verbose)
     session.say()
     session.say("Now the hidden errors are shown. On the flights not used, rms of flight - model:")
     session.table(
@@ -87,7 +88,7 @@ def demo(
             [
                 e["effect"],
                 e["axis"],
-                e["parameter"],
+                parameter_name(e["parameter"]),
                 f"{e['value']:.4g}",
                 (e["verdict"] or e["agreement"]).replace("_", " "),
             ]

@@ -202,12 +202,13 @@ def _say_reach(session: Session, document: Mapping[str, Any]) -> None:
 def _say_curve(session: Session, curve: Mapping[str, Any]) -> None:
     """Print a coefficient before, its change, and whether flights have been there."""
     from aerodb.report import display_unit
+    from aerodb.tables import STAND_IN_SPEED
 
     points, held = curve["points"], []
     for name, value in curve["held"].items():
         factor, unit = display_unit(name, session.units)
-        if value != 0.0:
-            held.append(f"{name} {factor * value:.3g} {unit or ''}".rstrip())
+        if value and (name, value) != ("V", STAND_IN_SPEED):
+            held.append(f"{name} {factor * value:.4g} {unit or ''}".rstrip())
     factor, unit = display_unit(curve["variable"], session.units)
     if unit is None:
         factor, unit = curve["factor"], curve["unit"]

@@ -18,6 +18,7 @@ from aerodb.flows.cli.trimming import (
     Speed,
     scaled,
     steady_flight,
+    unit_of,
 )
 from aerodb.flows.cli.vehicles import read_text
 
@@ -101,6 +102,15 @@ def expand(
         model=None if model is None else read_text(model),
         flights=[] if model is None else counted_flights(catalogue, row, flights),
     )
+    factor, heading = scaled(session, variable)
+    permitted = f"{variable} {session.units.shown(document['value'], unit_of(variable))}"
+    session.headlines(
+        f"{row.vehicle}: {row.label}: next permitted point: {permitted}"
+        f"{', the target' if document['reached'] else ''}",
+        [("stopped by", text) for text in document["stopped_by"]],
+        f"fly there, then aerodb flight ingest LOG --vehicle {row.vehicle}",
+    )
+    session.say()
     if document["known"]:
         session.table(
             ["parameter", "known"],
@@ -110,7 +120,6 @@ def expand(
             ],
             numbers=(1,),
         )
-    factor, heading = scaled(session, variable)
     session.table(
         [heading, "margins"],
         [
@@ -119,10 +128,6 @@ def expand(
         ],
         numbers=(0,),
     )
-    ending = ", the target" if document["reached"] else ""
-    session.say(f"next permitted point: {heading} {factor * document['value']:.6g}{ending}")
-    for text in document["stopped_by"]:
-        session.say(f"stopped by: {text}")
     session.answer(document)
 
 

@@ -244,8 +244,11 @@ def _judged(document: dict[str, Any]) -> str:
 
 def _reasons(session: Session, document: dict[str, Any]) -> str:
     """Return the first reason of the verdict in a line, and how many more there are."""
+    from aerodb.report import reasons_in_units
+
     retracted = document["retracted"]
-    reasons = [retracted] if retracted else list(document["reasons"])
+    said = reasons_in_units(document["reasons"], document["consistency"], session.units)
+    reasons = [retracted] if retracted else said
     reasons = reasons or [entry["sentence"] for entry in document["suspicions"]]
     if not reasons:
         return ""

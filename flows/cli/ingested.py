@@ -5,7 +5,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import typer
 
@@ -14,6 +14,9 @@ from aerodb.flows.cli.findings import say_damage, say_repeats, say_suspicions
 from aerodb.flows.cli.output import Session, complaint, percent, visible
 from aerodb.nomenclature import in_order
 from aerodb.remarks import NEVER_AIRBORNE, WIDE_LIMITS, from_document
+
+if TYPE_CHECKING:
+    from aerodb.units import UnitSystem
 
 #: A residual below so many noise floors is mostly noise of the sensors.
 _ABOVE_NOISE: Final = math.sqrt(2.0)
@@ -184,7 +187,7 @@ def say_flights(session: Session, taken: Sequence[Mapping[str, Any]]) -> None:
         shares = (percent(_axes(each).get(axis, {}).get("of_flown")) for axis in shown)
         cells = "".join(f"{share:>{width}}" for share, width in zip(shares, widths, strict=True))
         session.say(f"{name:<{wide}}  {judged(each):<9}{cells}".rstrip())
-        if why := _why(each):
+        if why := _why(each, session.units):
             more = f" (and {len(why) - 1} more: -v)" if len(why) > 1 else ""
             session.say(f"  {session.fitting(why[0], 2 + len(more))}{more}")
 
@@ -200,9 +203,11 @@ def _short(name: str) -> str:
     return name if len(name) <= _NAME else f"{name[: _NAME - 11]}...{name[-8:]}"
 
 
-def _why(outcome: Mapping[str, Any]) -> list[str]:
+def _why(outcome: Mapping[str, Any], units: "UnitSystem | None" = None) -> list[str]:
     """Return why a flight is not simply good: the reasons of its verdict, what it repeats, what
     could not be computed, what is suspected and what is damaged."""
+    from aerodb.report import reasons_in_units
+
     why = [
         f"repeats flight {entry['label']}: left out of updates"
         for entry in outcome["repeats"]
@@ -211,7 +216,8 @@ def _why(outcome: Mapping[str, Any]) -> list[str]:
     checked = outcome["consistency"] or {"verdict": "unchecked", "reasons": []}
     remarks = [from_document(each) for each in checked.get("verdict_remarks", [])]
     why += [each.sentence for each in remarks if each.kind == WIDE_LIMITS]
-    why += checked["reasons"] if checked["verdict"] != "good" else []
+    if checked["verdict"] != "good":
+        why += reasons_in_units(checked["reasons"], checked, units)
     for step in ("coefficients", "comparison"):
         result = outcome[step]
         if result is not None and result["key"] is None:

@@ -34,7 +34,9 @@ def turbulence(
     from aerodb.flows.turbulence import turbulence_flow
 
     session: Session = context.obj
-    row = session.catalogue().flight(flight, vehicle)
+    catalogue = session.catalogue()
+    row = catalogue.flight(flight, vehicle)
+    named = f"{row.vehicle}: {catalogue.flight_labels([row.id])[row.id]}"
     document = session.run(
         turbulence_flow,
         {"flight": row.id, "form": form, "since": since, "until": until, "highest": highest},
@@ -45,10 +47,10 @@ def turbulence(
     fast, per_second = session.units.scale("m/s")
     long, metres = session.units.scale("m")
     session.headlines(
-        f"{row.label} met gusts of {_value(strongest['intensity'], '.2f', fast)} {per_second} rms"
+        f"{named} met gusts of {_value(strongest['intensity'], '.2f', fast)} {per_second} rms"
         f" in {strongest['name']} ({_range(strongest['intensity'], '.2f', fast)})"
         if strongest
-        else f"{row.label}: this stretch does not tell the intensity of gusts",
+        else f"{named}: this stretch does not tell the intensity of gusts",
         [
             (
                 "as",

@@ -72,9 +72,10 @@ def _say_gate(
 
     proved : the proof in words. made : the command that made the version.
     """
-    from aerodb.report import count_passed, derivative_words, gate_rows
+    from aerodb.report import count_passed, derivative_words, gate_rows, in_words
 
     now, rows = document["released"], gate_rows(document["checks"])
+    open_points = [in_words(note) for note in document["notes"]]
     which = f"{document['vehicle']}: {document['label']}"
     if now is not None and now["version"] == document["version"]:
         session.headlines(
@@ -84,8 +85,8 @@ def _say_gate(
         )
         return
     today = f"today {now['label']}, since {now['since'][:10]}" if now else "today none"
-    notes = document["notes"]
-    more = f" (and {len(notes) - 1} more: -v)" if len(notes) > 1 else ""
+    also = len(open_points) - 1
+    more = f" (and {also} more point{'s' * (also > 1)}: -v)" if also > 0 else ""
     session.headlines(
         f"{which} {'can be released' if document['passed'] else 'would be refused'} ({today})",
         [
@@ -94,7 +95,7 @@ def _say_gate(
             ("gate", count_passed(document["checks"])),
         ],
         _after_the_gate(document, made),
-        [("open", session.fitting(notes[0], _MARGIN + len(more)) + more if notes else "")],
+        [("open", _fitted(session, open_points, more))],
     )
     session.say()
     first = max(len(row.label) for row in rows)
@@ -105,8 +106,13 @@ def _say_gate(
         shown = row.reasons if verbose else row.reasons[:1]
         for reason in shown:
             session.say(f"        {reason if verbose else session.fitting(reason, 8)}")
-    for note in notes if verbose else ():
+    for note in open_points if verbose else ():
         session.say(note)
+
+
+def _fitted(session: Session, points: Sequence[str], more: str) -> str:
+    """Return the first open point in a line, and how many more there are."""
+    return session.fitting(points[0], _MARGIN + len(more)) + more if points else ""
 
 
 def _fitting(session: Session, changes: list[str]) -> str:

@@ -41,7 +41,8 @@ def flight(
     vehicle: Vehicle = None,
     pdf: Pdf = False,
 ) -> None:
-    """Write the report of a flight: verdict, consistency, time histories, coefficients, envelope.
+    """Write the report of a flight: verdict, consistency, time histories, coefficients, and the
+    range that was flown.
 
     Example: aerodb report flight 1a2b3c --output flight.html
     """

@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Final
 
 import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session, plus_minus
-from aerodb.flows.cli.references import Vehicle
+from aerodb.flows.cli.references import Vehicle, Verbose
+
+#: Most checks that a line names.
+_NAMED: Final = 3
 
 Tolerances = Annotated[
     Path | None,
@@ -52,6 +55,7 @@ def fly(
     tolerances: Tolerances = None,
     output: Output = None,
     vehicle: Vehicle = None,
+    verbose: Verbose = False,
 ) -> None:
     """Fly a version from the flight's start under its inputs; each manoeuvre, or --from --to. Or
     through a described manoeuvre, from trim.
@@ -86,10 +90,14 @@ def fly(
     name = catalogue.flight_labels([document["flight"]])[document["flight"]]
     session.headlines(
         f"{row.vehicle}: {row.label} over {name}: {_flown_words(document)}",
-        (),
+        [("outside", _outside_words(document)), ("feedback", _feedback_words(session, document))],
         f"aerodb version validate {row.label} --vehicle {row.vehicle}",
     )
-    _say_stretches(session, document)
+    session.say()
+    if verbose:
+        _say_details(session, document)
+    else:
+        _say_stretches(session, document)
     _write(session, output, page)
     session.answer(document)
 
@@ -209,7 +217,58 @@ def _write(session: Session, output: Path | None, page: str | None) -> None:
         session.write_page(output, page)
 
 
+def _outside_words(document: dict[str, Any]) -> str:
+    """Return which checks are outside tolerance, the worst first."""
+    failed: dict[str, float] = {}
+    for stretch in document["stretches"]:
+        for check in stretch.get("checks", ()):
+            if not check["passed"]:
+                failed[check["check"]] = min(check["share"], failed.get(check["check"], 1.0))
+    worst = sorted(failed, key=lambda name: failed[name])[:_NAMED]
+    return "; ".join(f"{name} (inside {failed[name]:.0%} of the time)" for name in worst)
+
+
+def _feedback_words(session: Session, document: dict[str, Any]) -> str:
+    """Return in how many stretches feedback was closed, and by how much it moved a control."""
+    flown = [stretch for stretch in document["stretches"] if "reason" not in stretch]
+    closed = [stretch["correction"] for stretch in flown if stretch["correction"]]
+    if not closed:
+        return ""
+    largest = session.units.shown(max(max(each.values()) for each in closed), "rad", 2)
+    return (
+        f"closed in {len(closed)} of {len(flown)} stretches, as the vehicle is unstable;"
+        f" it moved a control by up to {largest}"
+    )
+
+
 def _say_stretches(session: Session, document: dict[str, Any]) -> None:
+    """Print a line per stretch: what was flown, checks within tolerance, the correction by
+    feedback."""
+    rows, why = [], []
+    for stretch in document["stretches"]:
+        where = f"{stretch['since']:.1f} to {stretch['until']:.1f} s"
+        if "reason" in stretch:
+            rows.append([where, stretch["kind"].replace("_", " "), "", "not flown", ""])
+            why.append(f"not flown: {where}: {stretch.get('what', stretch['reason'])}")
+            continue
+        passed = [check["passed"] for check in stretch["checks"]]
+        moved = max(stretch["correction"].values(), default=0.0)
+        rows.append(
+            [
+                where,
+                stretch["kind"].replace("_", " "),
+                ", ".join(stretch["controls"]),
+                f"{sum(passed)} of {len(passed)}" if passed else "not judged",
+                session.units.shown(moved, "rad", 2) if moved else "",
+            ]
+        )
+    session.table(["stretch", "flown", "moves", "within tolerance", "feedback"], rows)
+    for sentence in why:
+        session.say(sentence)
+    session.say("responses and checks of each stretch: -v")
+
+
+def _say_details(session: Session, document: dict[str, Any]) -> None:
     for stretch in document["stretches"]:
         session.say()
         where = f"{stretch['since']:.1f} to {stretch['until']:.1f} s, {stretch['kind']}"

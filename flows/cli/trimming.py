@@ -307,7 +307,7 @@ def sweep(
     angle = scaled(session, "alpha")[0]
     spans = [_span("alpha", [angle * p["channels"]["alpha"] for p in trimmed], 3, " deg")]
     for name in inputs:
-        by, label = session.units.scale(_unit_of(name))
+        by, label = session.units.scale(unit_of(name))
         unit = "" if label == "-" else f" {label}"
         spans.append(_span(name, [by * p["inputs"][name] for p in trimmed], 3, unit))
     grows = [point["value"] for point in trimmed if _growing(point["modes"])]
@@ -338,7 +338,7 @@ def sweep(
     )
     for point in points:
         if "reason" in point:
-            at = session.units.shown(point["value"], _unit_of(variable), 6)
+            at = session.units.shown(point["value"], unit_of(variable), 6)
             session.say(f"{variable} {at}: {point['reason']}")
     session.answer(document)
 
@@ -349,7 +349,7 @@ def _steady_words(session: Session, row: "VersionRow", document: dict[str, Any])
     told = [("alpha", channels["alpha"]), ("climb", channels["climb"])]
     told += [(name, value) for name, value in inputs.items() if _rounded(value)]
     words = ", ".join(
-        f"{name} {session.units.shown(_rounded(value), _unit_of(name), 3)}" for name, value in told
+        f"{name} {session.units.shown(_rounded(value), unit_of(name), 3)}" for name, value in told
     )
     at = session.units.shown(channels["V"], "m/s", 3)
     return f"{row.vehicle}: {row.label} flies steadily at {at} with {words}"
@@ -363,7 +363,7 @@ def _known_to(
     known = {**document["channels"], **document["inputs"]}
     told = [
         f"{name} {plus_minus(known[name], errors[name], 3, session.units.scale(unit)[0])} {label}"
-        for name, unit in [("alpha", "rad"), *((n, _unit_of(n)) for n in document["inputs"])]
+        for name, unit in [("alpha", "rad"), *((n, unit_of(n)) for n in document["inputs"])]
         if errors.get(name)
         for label in [session.units.scale(unit)[1]]
     ]
@@ -403,7 +403,7 @@ def _stability(found: list[dict[str, Any]]) -> str:
 def _print_trim(session: Session, row: "VersionRow", document: dict[str, Any]) -> None:
     channels, errors = document["channels"], document["standard_errors"] or {}
     printed = [(name, channels[name], unit) for name, unit in _PRINTED]
-    printed += [(name, value, _unit_of(name)) for name, value in document["inputs"].items()]
+    printed += [(name, value, unit_of(name)) for name, value in document["inputs"].items()]
     rows = [_row(session, *each, errors.get(each[0])) for each in printed]
     session.table([f"trim of {row.label}", "value", "standard error", "unit"], rows, (1, 2))
     for note in document["notes"]:
@@ -421,7 +421,7 @@ def _rounded(value: float) -> float:
     return 0.0 if abs(value) < 1e-9 else value
 
 
-def _unit_of(name: str) -> str:
+def unit_of(name: str) -> str:
     """Return the SI unit of a variable; that of a free input is none."""
     if name in _VARIABLES:
         return _VARIABLES[name]
@@ -433,7 +433,7 @@ def _unit_of(name: str) -> str:
 
 def scaled(session: Session, name: str) -> tuple[float, str]:
     """Return factor of a variable to the unit that is printed, and its heading."""
-    factor, label = session.units.scale(_unit_of(name))
+    factor, label = session.units.scale(unit_of(name))
     return factor, name if label == "-" else f"{name} [{label}]"
 
 

@@ -20,7 +20,7 @@ that are raised (`AeroError` and those below it) are names of `aerodb` too.
 They call the functions of the science packages that the commands call; nothing is computed here.
 
 Modules: `views` (text, HTML, pandas, xarray), `plots`, `saving`, `logs`, `flights`, `tracing`,
-`updating`, `validating`, `fitting`, `evaluation`, `workspaces`, `client`.
+`updating`, `validating`, `fitting`, `evaluation`, `documents`, `workspaces`, `client`.
 """
 
 from typing import TYPE_CHECKING

@@ -17,6 +17,7 @@ from aerodb.errors import (
     StoreError,
     UnknownNameError,
 )
+from aerodb.flows.library.documents import Document, of_finding, of_flight
 from aerodb.nomenclature import CHANNELS, channel, is_surface
 
 if TYPE_CHECKING:
@@ -100,10 +101,10 @@ class Client:
         UnknownNameError for an unknown vehicle; durations are in [s]."""
         return self.pages("/api/flights", vehicle=vehicle, verdict=verdict, text=text)
 
-    def flight(self, flight: str, vehicle: str | None = None) -> dict[str, Any]:
+    def flight(self, flight: str, vehicle: str | None = None) -> Document:
         """Return the document of a flight (name, or the beginning of its id): times [s], figures in
-        SI units. UnknownNameError where there is none."""
-        return dict(self.get(f"/api/flights/{_part(flight)}", vehicle=vehicle))
+        SI units; ``print`` says its verdict. UnknownNameError where there is none."""
+        return of_flight(self.get(f"/api/flights/{_part(flight)}", vehicle=vehicle))
 
     def channels(
         self,
@@ -178,10 +179,11 @@ class Client:
         raises."""
         return self.pages("/api/findings")
 
-    def finding(self, reference: str, vehicle: str | None = None) -> dict[str, Any]:
+    def finding(self, reference: str, vehicle: str | None = None) -> Document:
         """Return the document of an update or a closed loop (docs/reference/contract.md, section
-        "update and close-loop"), in SI units; UnknownNameError where there is none."""
-        return dict(self.get(f"/api/findings/{_part(reference)}", vehicle=vehicle))
+        "update and close-loop"), in SI units; ``print`` says what to decide on. UnknownNameError
+        where there is none."""
+        return of_finding(self.get(f"/api/findings/{_part(reference)}", vehicle=vehicle))
 
     def promote(
         self, version: str, reason: str, name: str = "released", vehicle: str | None = None

@@ -7,6 +7,7 @@ from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any, Final
 
 from aerodb.consistency import from_document
+from aerodb.flows.library.documents import Document, of_finding, of_flight
 from aerodb.flows.library.evaluation import EvaluatedPoints, evaluate
 from aerodb.flows.library.logs import Log, log_of
 from aerodb.flows.library.views import Summary, html_of
@@ -134,11 +135,11 @@ class Workspace:
             None if bound is None else from_document(bound.content),
         )
 
-    def flight(self, flight: str, vehicle: str | None = None) -> dict[str, Any]:
-        """Return the document of a flight, as `Client.flight` does: times [s], figures in SI units.
-        UnknownNameError where there is none."""
+    def flight(self, flight: str, vehicle: str | None = None) -> Document:
+        """Return the document of a flight, as `Client.flight` does: times [s], figures in SI units;
+        ``print`` says its verdict. UnknownNameError where there is none."""
         access = self._access
-        return flight_details(access, access.catalogue.flight(flight, vehicle))
+        return of_flight(flight_details(access, access.catalogue.flight(flight, vehicle)))
 
     def channels(
         self,
@@ -187,10 +188,10 @@ class Workspace:
             if not place:
                 return
 
-    def finding(self, reference: str, vehicle: str | None = None) -> dict[str, Any]:
+    def finding(self, reference: str, vehicle: str | None = None) -> Document:
         """Return the document of an update or a closed loop, as `Client.finding` does, in SI units;
-        UnknownNameError where there is none."""
-        return finding_document(self._access, reference, vehicle)
+        ``print`` says what to decide on. UnknownNameError where there is none."""
+        return of_finding(finding_document(self._access, reference, vehicle))
 
     def evaluate(
         self,

@@ -16,7 +16,7 @@ from aerodb.flows.run import run_flow
 from aerodb.flows.web.guard import Guard
 from aerodb.flows.web.security import REPORT_POLICY
 from aerodb.flows.web.sessions import keep_session, session_of
-from aerodb.report import channel_scale, for_people, page, visible
+from aerodb.report import channel_scale, for_people, page, reasons_in_units, visible
 from aerodb.storage.catalogue import USER_ROLES, VersionRow
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.actors import acts_as, user
@@ -177,6 +177,7 @@ def _engine() -> jinja2.Environment:
     engine.filters |= page.filters()
     engine.filters |= {
         "part": part,
+        "in_units_of": reasons_in_units,
         "shortened": shortened,
         "moment": moment,
         "step_words": step_words,

@@ -2,7 +2,6 @@
 beside its line; the mapping file is what it gives. Nothing is stored."""
 
 import re
-import secrets
 from collections import OrderedDict
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -10,26 +9,22 @@ from typing import Annotated, Any, Final
 import numpy as np
 from fastapi import APIRouter, Query, Request
 from starlette.concurrency import run_in_threadpool
-from starlette.requests import ClientDisconnect
 from starlette.responses import Response
 
 from aerodb.errors import InputError, UnknownNameError
 from aerodb.flows.web import models
 from aerodb.flows.web.bodies import form_of
 from aerodb.flows.web.change_pages import Token
-from aerodb.flows.web.console import access_of, console_of, document, page_of
+from aerodb.flows.web.console import console_of, document, page_of
 from aerodb.flows.web.models import answers
 from aerodb.flows.web.sessions import check_csrf
-from aerodb.flows.web.upload_pages import permitted, received
+from aerodb.flows.web.upload_pages import keep, made_of_log, permitted
 from aerodb.logs import FormLine, MappingForm, answered, in_si, mapping_form
 from aerodb.nomenclature import CHANNELS, channel
-from aerodb.storage.inbox import receiving
 from aerodb.support import Array
 from aerodb.tasks.view import drafted_mapping
 
 router = APIRouter(tags=["changes"])
-#: Drafts that are kept.
-_KEPT: Final = 8
 #: Most lines of a form: what a person answers at once, and fields of a request.
 _LINES: Final = 40
 #: Width and height of a picture.
@@ -45,21 +40,10 @@ async def draft(
 ) -> Response:
     """Receive a log as the body of the request, draft a mapping for it, and answer the address of
     the form to check it. Nothing is stored, and the form is kept until a few newer ones come."""
-    check_csrf(request, console_of(request).guard, token)
-    limits = await run_in_threadpool(permitted, request, None)
-    size = request.headers.get("content-length", "0")
-    workspace = access_of(request).workspace
-    with receiving(workspace, None, name, int(size) if size.isdecimal() else 0, limits) as log:
-        try:
-            await received(request, log)
-        except ClientDisconnect:
-            return Response(status_code=400)
-        form = await run_in_threadpool(_drafted, log.whole(), workspace.root, name)
-    kept: OrderedDict[str, tuple[str, MappingForm]] = request.app.state.drafted
-    key = secrets.token_urlsafe(12)
-    kept[key] = (name, form)
-    while len(kept) > _KEPT:
-        kept.popitem(last=False)
+    form = await made_of_log(request, name, token, _drafted)
+    if form is None:
+        return Response(status_code=400)
+    key = keep(request.app.state.drafted, (name, form))
     return document({"page": f"/drafts/{key}", "questions": list(form.questions)})
 
 
@@ -104,13 +88,9 @@ def _kept(request: Request, key: str) -> tuple[str, MappingForm]:
 
 
 def _drafted(log: Path, root: Path, name: str) -> MappingForm:
-    """Return the form of a received log; errors name the log as its sender does."""
-    try:
-        with drafted_mapping(log, root, name) as (draft, recording):
-            return mapping_form(recording, draft)
-    except InputError as error:
-        what = error.what.replace(str(log), name)
-        raise InputError(what, name, error.remedy.replace(str(log), name)) from error
+    """Return the form of a received log."""
+    with drafted_mapping(log, root, name) as (draft, recording):
+        return mapping_form(recording, draft)
 
 
 def _lines(form: MappingForm, fields: dict[str, str]) -> list[FormLine]:

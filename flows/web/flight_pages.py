@@ -106,7 +106,7 @@ def flights(
 
 @router.get(
     "/api/envelopes",
-    summary="Envelopes of flights",
+    summary="Ranges that flights have covered",
     responses=answers(dict[str, dict[str, list[float]]]),
 )
 def envelopes(

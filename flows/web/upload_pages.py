@@ -3,8 +3,9 @@ looked at."""
 
 import secrets
 from collections import OrderedDict
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from fastapi import APIRouter, Query, Request
 from starlette.concurrency import run_in_threadpool
@@ -28,7 +29,8 @@ from aerodb.tasks.view import LogsPage, logs_page
 router = APIRouter(tags=["changes"])
 #: Bytes that are written at a time.
 _PART = 1 << 20
-#: Pages of logs that were looked at which are kept, and the longest [characters].
+T = TypeVar("T")
+#: Pages and drafts of logs that are kept, and the longest page [characters].
 _KEPT = 8
 _LARGEST_PAGE = 32_000_000
 
@@ -48,16 +50,13 @@ async def upload(
 
     Answers how it ended: stored, duplicate, quarantined with the reason, or failed.
     """
-    check_csrf(request, console_of(request).guard, token)
-    limits = await run_in_threadpool(permitted, request, vehicle)
     workspace = access_of(request).workspace
-    size = request.headers.get("content-length", "0")
-    with receiving(workspace, vehicle, name, int(size) if size.isdecimal() else 0, limits) as log:
-        try:
-            await received(request, log)
-        except ClientDisconnect:
-            return Response(status_code=400)
-        path, sha256 = await run_in_threadpool(log.finish, workspace, vehicle)
+    finished = await _with_log(
+        request, vehicle, name, token, lambda log: log.finish(workspace, vehicle)
+    )
+    if finished is None:
+        return Response(status_code=400)
+    path, sha256 = finished
     relative = path.relative_to(workspace.inbox).as_posix()
     return document(await run_in_threadpool(_ended, request, vehicle, relative, sha256))
 
@@ -77,21 +76,10 @@ async def look(
     """Receive a log as the body of the request, and answer the address of its page: plots, track,
     what can be learnt from it, parameters and messages. No vehicle is needed; nothing is stored,
     and the page is kept until a few newer ones have come."""
-    check_csrf(request, console_of(request).guard, token)
-    limits = await run_in_threadpool(permitted, request, None)
-    size = request.headers.get("content-length", "0")
-    workspace = access_of(request).workspace
-    with receiving(workspace, None, name, int(size) if size.isdecimal() else 0, limits) as log:
-        try:
-            await received(request, log)
-        except ClientDisconnect:
-            return Response(status_code=400)
-        page = await run_in_threadpool(_looked_at, log.whole(), workspace.root, name)
-    kept: OrderedDict[str, str] = request.app.state.looked_at
-    key = secrets.token_urlsafe(12)
-    kept[key] = page.html
-    while len(kept) > _KEPT:
-        kept.popitem(last=False)
+    page = await made_of_log(request, name, token, _looked_at)
+    if page is None:
+        return Response(status_code=400)
+    key = keep(request.app.state.looked_at, page.html)
     return document({"page": f"/logs/{key}", "log": page.documents[0]})
 
 
@@ -105,12 +93,8 @@ def looked_at(request: Request, key: str) -> Response:
 
 
 def _looked_at(log: Path, root: Path, name: str) -> LogsPage:
-    """Return the page of a received log; errors name the log as its sender does."""
-    try:
-        page = logs_page([log], root, names=[name])
-    except InputError as error:
-        what = error.what.replace(str(log), name)
-        raise InputError(what, name, error.remedy.replace(str(log), name)) from error
+    """Return the page of a received log."""
+    page = logs_page([log], root, names=[name])
     if len(page.html) > _LARGEST_PAGE:
         raise InputError(f"its page has {len(page.html) / 1e6:.0f} MB", name, "use aerodb log show")
     page.documents[0]["source"] = name
@@ -126,7 +110,53 @@ def permitted(request: Request, vehicle: str | None) -> Limits:
     return load_settings(access.workspace.root).limits
 
 
-async def received(request: Request, log: Upload) -> None:
+async def made_of_log(
+    request: Request, name: str, token: str, make: Callable[[Path, Path, str], T]
+) -> T | None:
+    """Receive a log as the body of a request, and return what is made of it (its path, the folder
+    of the workspace, its name); it is not kept. None where the sender left.
+
+    Errors name the log as its sender does.
+    """
+    root = access_of(request).workspace.root
+
+    def made(log: Upload) -> T:
+        path = log.whole()
+        try:
+            return make(path, root, name)
+        except InputError as error:
+            what = error.what.replace(str(path), name)
+            raise InputError(what, name, error.remedy.replace(str(path), name)) from error
+
+    return await _with_log(request, None, name, token, made)
+
+
+async def _with_log(
+    request: Request, vehicle: str | None, name: str, token: str, make: Callable[[Upload], T]
+) -> T | None:
+    """Return what `make` makes of a received log; None where the sender left."""
+    check_csrf(request, console_of(request).guard, token)
+    limits = await run_in_threadpool(permitted, request, vehicle)
+    workspace = access_of(request).workspace
+    size = request.headers.get("content-length", "0")
+    with receiving(workspace, vehicle, name, int(size) if size.isdecimal() else 0, limits) as log:
+        try:
+            await _received(request, log)
+        except ClientDisconnect:
+            return None
+        return await run_in_threadpool(make, log)
+
+
+def keep(kept: OrderedDict[str, T], value: T) -> str:
+    """Keep a value until `_KEPT` newer ones have come, and return its key."""
+    key = secrets.token_urlsafe(12)
+    kept[key] = value
+    while len(kept) > _KEPT:
+        kept.popitem(last=False)
+    return key
+
+
+async def _received(request: Request, log: Upload) -> None:
     parts = bytearray()
     async for chunk in request.stream():
         parts += chunk

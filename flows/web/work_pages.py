@@ -8,7 +8,7 @@ from starlette.responses import Response
 from aerodb.flows.web.console import access_of, document, page_of
 from aerodb.flows.web.server_paths import for_visitor
 from aerodb.storage.workspace_settings import load_settings
-from aerodb.tasks.view import status_of
+from aerodb.tasks.view import status_of, waiting
 
 router = APIRouter(tags=["work"])
 
@@ -18,6 +18,7 @@ def work_page(request: Request) -> Response:
     """The status page."""
     access = access_of(request)
     status = for_visitor(status_of(access))
+    candidates = [waiting(access.catalogue, row.name) for row in access.catalogue.vehicles()]
     server = _server(status)
     has_pages = load_settings(access.workspace.root).serve.ui
     return page_of(
@@ -26,6 +27,7 @@ def work_page(request: Request) -> Response:
         "Status",
         status=status,
         server=server,
+        waiting=[row for row in candidates if row is not None],
         of_server=server.removesuffix("/api") + "/" if has_pages else f"{server}/admin/version",
     )
 

@@ -186,7 +186,9 @@ def test_a_library_that_changed_after_looking_is_refused(workspace: Path, tmp_pa
     assert again["library"]["sha256"] != frozen
     late = [f for f in again["findings"] if f["effect"] == "square_of_alpha"]
     assert all(finding["verdict"] != "confirmed" for finding in late)
-    assert any("traced before with another library" in remark for remark in again["remarks"])
+    assert any(
+        "traced before with another list of effects" in remark for remark in again["remarks"]
+    )
     rivals = {name for finding in again["findings"] for name in finding["explanation_set"]}
     assert "square_of_alpha@CX" in rivals | {entry["hypothesis"] for entry in again["not_found"]}
 

@@ -46,6 +46,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
             ("3 of 4 points fly steadily", "takes +alpha .* deg", NEXT),
         ),
         ((*SWEEP, "--hold"), (r"CZ \S+ to \S+", "data +alpha flown .* faded out", NEXT)),
+        (("calibration", "list"), ("no calibration", "next +aerodb recalibrate")),
         (("verify",), ("no problems", "checked .*2 versions", NEXT)),
     ],
 )

@@ -32,6 +32,9 @@ PRIVATE: Final[Mapping[str, str]] = {
     r"moves of names": "releases and rollbacks",
     r"what hangs on (?:it|them|each)": "what it changes",
     r"sealed envelopes?": "hidden errors",
+    r"(?<!flight )envelopes?": "the flown range",
+    r"(?:another|of the|in the|whole) library": "the list of effects",
+    r"excess (?:held-out )?errors?": "the error beyond the noise floor",
 }
 #: Where words of `PRIVATE` may stand -> why.
 EXPLAINED: Final[Mapping[str, str]] = {
@@ -39,6 +42,7 @@ EXPLAINED: Final[Mapping[str, str]] = {
     "docs/evidence/": "and measure them",
     "docs/decisions/": "records of decisions keep the words of their time",
     "docs/reference/": "names of fields, and terms beside their definitions",
+    "aerodb/report/former_documents.py": "words of earlier releases",
     "storage/upkeep/": "what `verify --json` counts: names do not change",
 }
 #: Who reads what.

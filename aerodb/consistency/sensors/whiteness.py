@@ -97,8 +97,7 @@ def process_noise(residuals: Mapping[str, Array], speed: float, step: float) -> 
     figures = ", ".join(f"{name} {size:.2f}" for name, size in gusts.items())
     if len(felt) >= 2:
         because = (
-            f"the air moved: gusts in {' and '.join(felt)} (m/s rms at {BAND[0]:g}-{BAND[1]:g} Hz:"
-            f" {figures}); use regression or filter error, not output error, on this flight"
+            f"gusts in {' and '.join(felt)} (m/s rms at {BAND[0]:g}-{BAND[1]:g} Hz: {figures})"
         )
         return ProcessNoise(gusts, True, because)
     return ProcessNoise(

@@ -205,8 +205,8 @@ def _statements(database: AeroDatabase, writer: FunctionWriter) -> Iterable[Elem
             {flight for increment in database.increments for flight in increment.flights}
         )
         text = (
-            "Increments from flights are functions with their envelope rule; their covariance is"
-            " not part of this file. Flights: "
+            "Increments from flights are functions that fade beyond the flown range; their"
+            " covariance is not part of this file. Flights: "
         )
         yield node("documentation", text=(text + (", ".join(flights) or "none named")))
 

@@ -6,13 +6,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.errors import InputError
+from aerodb.errors import InputError, UnknownNameError
+from aerodb.nomenclature import channel
 from aerodb.simulation.condition import Condition
 from aerodb.simulation.engine import FlightModel, flight_model
 from aerodb.simulation.linear_model import linear_model
 from aerodb.simulation.sweep import SweepPoint, sweep
 from aerodb.simulation.trim import Trim
 from aerodb.tables import AeroDatabase, Increment, parse
+from aerodb.units import SI
 
 #: Points at which the margins are looked at, from the edge of the envelope to its largest step.
 POINTS: Final = 9
@@ -130,8 +132,8 @@ def expand_envelope(
     looked = _looked_at(build(wider), condition, inputs, variable, line, margins, options)
     if looked[0].violations:
         raise InputError(
-            f"at {variable} {edge:g} itself: {'; '.join(looked[0].violations)}",
-            "edge of the flown envelope",
+            "; ".join(looked[0].violations),
+            f"where it begins, {variable} {_shown(variable, edge)}",
             "fly there for smaller standard errors, or state other margins",
         )
     good = next((k for k, point in enumerate(looked) if point.violations), POINTS) - 1
@@ -179,6 +181,14 @@ def _looked_at(
     )
 
 
+def _shown(name: str, value: float) -> str:
+    """A value of a channel or input with its unit, angles in degrees."""
+    try:
+        return SI.shown(value, channel(name).unit)
+    except UnknownNameError:
+        return f"{value:.3g}"
+
+
 def _violations(
     point: SweepPoint,
     margins: Margins,
@@ -200,9 +210,10 @@ def _violations(
             raise InputError(f"a trim has no channel '{name}'", "margins", ", ".join(values))
         value, error = values[name], errors.get(name, 0.0)
         if not low <= value - margins.sigmas * error <= value + margins.sigmas * error <= high:
+            known = f" with standard error {_shown(name, error)}" if error else ""
             texts.append(
-                f"{name} is {value:.4g} with standard error {error:.2g},"
-                f" permitted from {low:.4g} to {high:.4g}"
+                f"{name} {_shown(name, value)}{known} is outside {_shown(name, low)} to"
+                f" {_shown(name, high)}"
             )
     if steady:
         expected, greatest = _growth_rates(point.trim, margins.sigmas)

@@ -48,7 +48,12 @@ if TYPE_CHECKING:
     from .slices import Slice, acts_on, changed_parameters, slice_over, slices
     from .slopes import QUANTITIES, new_increments, new_sign_changes
     from .tabulation import Tabulation, tabulate
-    from .unstated_inputs import height_outside_ground_effect, neutral_point, unstated_inputs
+    from .unstated_inputs import (
+        STAND_IN_SPEED,
+        height_outside_ground_effect,
+        neutral_point,
+        unstated_inputs,
+    )
     from .unusual_content import unusual_content
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

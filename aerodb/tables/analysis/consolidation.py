@@ -280,10 +280,10 @@ def _grown(
     fenced = sorted(outside & increment.envelope.keys())
     if fenced:
         raise NotMultilinearError(
-            f"the envelope over {', '.join(fenced)} acts on a factor outside the table"
+            f"the flown range over {', '.join(fenced)} acts on a factor outside the table"
         )
     if increment.margins is not None:
-        raise NotMultilinearError("it continues beyond its envelope, and a table would end")
+        raise NotMultilinearError("it continues beyond its flown range, and a table would end")
     new_knots = knots(part, increment, increment.fading(k))
     table = database.tables[site.table]
     grid = grids.get(site.table) or _Grid(site, list(site.channels), list(table.breakpoints))

@@ -32,7 +32,7 @@ def knots(
     free = sorted(regressor.names - increment.envelope.keys())
     if free:
         raise NotMultilinearError(
-            f"'{regressor}' goes on without end in {', '.join(free)}, which has no envelope"
+            f"'{regressor}' goes on without end in {', '.join(free)}, which has no flown range"
         )
     by_channel = breaks(
         regressor, {name: (i.low, i.high) for name, i in increment.envelope.items()}
@@ -40,7 +40,7 @@ def knots(
     for name in sorted(fading):
         interval = increment.envelope[name]
         if interval.cell == 0.0:
-            raise NotMultilinearError(f"its envelope over {name} ends in a step")
+            raise NotMultilinearError(f"its flown range over {name} ends in a step")
         corners = {interval.low - 2 * interval.cell, interval.low - interval.cell}
         corners |= {interval.high + interval.cell, interval.high + 2 * interval.cell}
         by_channel[name] = (

@@ -16,6 +16,9 @@ _HEIGHT: Final = "height_above_ground"
 #: (McCormick, Aerodynamics, Aeronautics and Flight Mechanics, 1995, section 7.4).
 _SPANS: Final = (10.0, 5.0, 3.0, 2.0, 1.5, 1.2, 1.1, 1.0)
 
+#: An airspeed [m/s] that none states: rates that are zero give the same at any.
+STAND_IN_SPEED: Final = 1.0
+
 
 @lru_cache(maxsize=16)
 def height_outside_ground_effect(database: AeroDatabase) -> float | None:
@@ -44,17 +47,17 @@ def unstated_inputs(database: AeroDatabase, stated: Mapping[str, Any]) -> dict[s
     """Return input -> value [SI] of the inputs that are not stated: zero; the height above ground
     outside ground effect.
 
-    An airspeed of 1 m/s: rates that are zero give the same at any. Of a database with loads the air
+    The airspeed is `STAND_IN_SPEED`. Of a database with loads the air
     is that of `air_beside`. States that follow from the others have no entry.
     """
     settled = {state.name for state in database.states}
     values = {n: 0.0 for n in database.inputs if n not in stated and n not in settled}
     if "V" in values:
-        values["V"] = 1.0
+        values["V"] = STAND_IN_SPEED
     if _HEIGHT in values:
         values[_HEIGHT] = height_outside_ground_effect(database) or 0.0
     if database.has_loads:
-        air = air_beside({"V": values.get("V", 1.0), **stated})
+        air = air_beside({"V": values.get("V", STAND_IN_SPEED), **stated})
         values |= {name: air[name] for name in air if name in values}
     return values
 

@@ -205,7 +205,7 @@ def _as_member(finding: Finding, alone: bool) -> Finding:
     together = "estimated together with the terms of its axis"
     if alone:
         return replace(
-            finding, reasons=(f"{together}, and not significant over the whole library",)
+            finding, reasons=(f"{together}, and not significant over all effects tested",)
         )
     return replace(
         finding,

@@ -332,7 +332,7 @@ class _Shapes:
         how = "as well" if as_well else "too, and no other axis speaks for the sensor"
         return doubted(
             finding,
-            f"an effect of {', '.join(variables)} on {axis}, of a shape that the library lacks,"
+            f"an effect of {', '.join(variables)} on {axis}, of a shape that no known effect has,"
             f" predicts left-out flights {how}",
             verdict="ambiguous_sensor",
             shape=_shape(axis, variables, share, p, []),

@@ -239,7 +239,7 @@ def _because(skill: float, axis: str, variables: Sequence[str]) -> str:
     on = ", ".join(variables) or "no single variable"
     return (
         f"{skill:.0%} of what is left on {axis} returns on flights that were left out and rests on"
-        f" {on}; no template fits"
+        f" {on}; no known effect fits"
     )
 
 

@@ -96,7 +96,7 @@ def _check(
     if len(set(names)) != len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputError(
-            f"hypothesis {twice} stands twice in the library",
+            f"hypothesis {twice} stands twice in the list of effects",
             "library",
             "give each effect, axis and subject once",
         )
@@ -111,10 +111,8 @@ def _check(
     for columns, g in {g.hypotheses: g for g in reversed(normal_equations)}.items():
         unknown = [name for name in columns if (parent(name) or name) not in known]
         if unknown:
-            what = f"its columns were made with another library ({unknown[0]} is not in this one)"
-            raise InputError(
-                what, g.flight, "make its normal equations anew with the library in use"
-            )
+            what = f"its columns were made with another list of effects ({unknown[0]} is not in it)"
+            raise InputError(what, g.flight, "make its normal equations anew with the list in use")
     for flight, times in flights.items():
         if times > 1:
             raise InputError("the same flight twice", flight, "give each flight once")

@@ -171,7 +171,9 @@ def test_the_excess_error_must_fall_over_all_axes_in_units_of_their_noise(
     assert "Cm 0.01 to 0.05" in reason
     assert judged(baseline, report=axes(CZ={"excess_after": 0.0494})).passed
     (reason,) = judged(baseline, report=axes(CZ={"excess_after": 0.0496})).reasons
-    assert reason == "on no axis does the excess error on held-out flights fall by 1%"
+    assert (
+        reason == "on no axis does the error beyond the noise floor fall on held-out flights by 1%"
+    )
     (reason,) = judged(baseline, report=axes(CZ={"excess_after": 0.05})).reasons
     assert "goes from" in reason
     unproved = {
@@ -189,7 +191,7 @@ def test_parts_of_the_flights_that_identified_are_no_proof(baseline: AeroDatabas
     cases = make_check_cases(candidate)
     verdict = judge_release(STANDING, baseline, candidate, cases, axes(), within_flights=True)
     (failed,) = [entry for entry in verdict.checks if not entry.passed]
-    assert failed.name == "excess held-out error falls"
+    assert failed.name == "error beyond the noise floor falls"
     assert "only parts of the flights" in failed.reasons[0]
 
 
@@ -380,7 +382,9 @@ def test_what_was_not_held_out_or_is_only_suspected_is_said(baseline: AeroDataba
     verdict = judge_release(STANDING, baseline, candidate, cases, axes(), cross_validated=True)
     assert verdict.passed
     names = [check.name for check in verdict.checks]
-    assert "excess error of each flight left out in turn falls (not held out)" in names
+    assert (
+        "error beyond the noise floor of each flight left out in turn falls (not held out)" in names
+    )
     assert notes_on_release({}) == ("not held out: an import comes without flights",)
     held = {"axes": axes(), "validation": {"kind": "held-out"}}
     assert notes_on_release(held) == ()

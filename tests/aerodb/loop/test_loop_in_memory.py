@@ -154,7 +154,7 @@ def test_what_joined_the_library_after_a_look_is_suspected_at_most(source: Fligh
     assert loop.added == ()
     found = {finding.hypothesis: finding for finding in loop.findings}
     assert found["pitch_damping@Cm"].verdict == "suspected"
-    assert "joined the library" in found["pitch_damping@Cm"].because
+    assert "joined the list of effects" in found["pitch_damping@Cm"].because
 
 
 def test_what_lowers_no_error_of_flights_left_out_stays_out(source: FlightsInMemory) -> None:
@@ -238,7 +238,7 @@ def test_what_is_unexplained_but_hardly_lowers_the_error_is_not_reported() -> No
 def test_a_name_that_the_library_does_not_have_is_refused(source: FlightsInMemory) -> None:
     split = hold_out(source)
     library = freeze_library(source, split.identified, database())
-    with pytest.raises(InputError, match="no effect 'pitch_dampng' in the library"):
+    with pytest.raises(InputError, match="no effect 'pitch_dampng' is known"):
         run_loop(source, split.identified, database(), library, Accept(suspected=("pitch_dampng",)))
     with pytest.raises(InputError, match="it changed since it was fixed"):
         freeze_library(source, split.identified, database(), expected="0" * 64)

@@ -170,9 +170,7 @@ def test_what_no_effect_fits_has_no_size() -> None:
     document = loop([found()], [], rows)
     nameless = {"hypothesis": "unnamed@CX", "effect": "unnamed", "verdict": "unnamed"}
     document["findings"][0] |= {**nameless, "ci95": None, "value": None}
-    assert told(document)["strongest"] == (
-        "error of CX that no effect of the library fits (unnamed)",
-    )
+    assert told(document)["strongest"] == ("error of CX that no known effect fits (unnamed)",)
 
 
 VERDICTS = ("confirmed", "suspected", "alias_group", "ambiguous_sensor", "sensor", "unnamed")

@@ -128,15 +128,15 @@ def test_a_check_without_a_paragraph_says_so(summary: dict[str, Any]) -> None:
     assert (first.test, last.test) == ("2.c.10", UNCHECKED)
 
 
-def test_a_page_has_the_table_as_an_annex(summary: dict[str, Any]) -> None:
+def test_a_page_has_the_table_with_the_result_beside_the_case(summary: dict[str, Any]) -> None:
     tree = html.fromstring(response_report("v0002", "v0001", summary, []))
-    assert [h.text_content() for h in tree.xpath("//h2")] == ["Annex: qualification table"]
+    assert [h.text_content() for h in tree.xpath("//h2")] == ["Qualification table"]
     (table,) = tree.xpath("//table[@class='qualification']")
     cells = [cell.text_content() for cell in table.xpath(".//tr[last()]/td")]
     assert cells == [
+        "100 % pass",
         "az ±0.1 g",
         "az 0.05 g",
-        "100 % pass",
         "0 % FAIL",
         "az 0.21 g",
         "0 % FAIL",

@@ -461,7 +461,7 @@ def test_what_no_template_explains_is_told_with_its_variables() -> None:
     tree = page_of(loop([], [], [proof("CX", 0.02, 0.02)], (rest,)))
     words = words_of(tree)
     assert (
-        "Error of CX that no effect of the library fits unnamed not added 30 % of CX follows <script>alpha</script> & no template"
+        "Error of CX that no known effect fits unnamed not added 30 % of CX follows <script>alpha</script> & no template"
         " fits." in words
     )
     assert len(tree.xpath("//img")) == 1, "there is no parameter, and no vote to draw"

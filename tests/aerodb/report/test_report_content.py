@@ -186,13 +186,13 @@ def test_the_verdict_in_one_sentence() -> None:
     limited = verdict_sentence(
         "limited",
         [
-            Remark(MOVING_AIR, text="the air moved: V 0.4"),
-            Remark(MOVING_AIR, text="the air moved: b"),
+            Remark(MOVING_AIR, text="gusts: V 0.4"),
+            Remark(MOVING_AIR, text="gusts: b"),
         ],
         {"channels": channels[1:]},
     )
     assert limited.startswith(
-        "The flight can be used with limitations: the air moved. The one channel with a limit is"
+        "The flight can be used with limitations: turbulence. The one channel with a limit is"
         " consistent"
     )
     beyond = [{**channels[0], "after": np.deg2rad(0.6), "verdict": "limited"}, channels[1]]

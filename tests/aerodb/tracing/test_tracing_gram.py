@@ -96,7 +96,7 @@ def normal_equations(count: int) -> list[FlightNormalEquations]:
 
 def test_a_campaign_refuses_another_library_a_flight_twice_and_a_sensor_without_prior() -> None:
     made = normal_equations(2)
-    with pytest.raises(InputError, match="another library"):
+    with pytest.raises(InputError, match="another list of effects"):
         campaign(made, LIBRARY[1:])
     with pytest.raises(InputError, match="same flight twice"):
         campaign([made[0], made[0]], LIBRARY)

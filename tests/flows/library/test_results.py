@@ -1,6 +1,7 @@
 """Results in Python: what print says, plots into one's own axes, files, updates and validation beside
 tracing, and errors by name."""
 
+import re
 import tomllib
 from pathlib import Path
 from typing import Any
@@ -17,7 +18,7 @@ from tests.support.command import asked
 from tests.support.console_workspace import TOKEN, served
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import MODEL, NAME, TRUTH
-from tests.support.terminal import on_terminal
+from tests.support.terminal import MOST_LINES, on_terminal
 
 matplotlib.use("Agg")
 __all__ = ["compared", "folder"]
@@ -189,6 +190,15 @@ def test_a_workspace_and_a_client_have_one_vocabulary(
         assert client.flight(flight) == _json(opened.flight(flight))
         assert list(client.findings()) == _json(list(opened.findings()))
         assert client.finding("candidate", NAME) == _json(opened.finding("candidate", NAME))
+        told = str(client.finding("candidate", NAME)).splitlines()
+        assert told == str(opened.finding("candidate", NAME)).splitlines()
+        assert re.search(r"proved +on 2 flights not used: error of CZ", "\n".join(told[:5]))
+        lines = str(client.flight(flight)).splitlines()
+        assert lines == str(opened.flight(flight)).splitlines()
+        assert re.fullmatch(rf"flight \S+ of {NAME}: \w+", lines[0])
+        assert any("v0002" in line for line in lines[:MOST_LINES])
+        assert max(len(told), len(lines)) <= 10
+        assert client.flight(flight)._repr_html_().startswith(f"<strong>{lines[0]}")
         for name, series in client.channels(flight, ["alpha", "CZ"], end=6.0, points=50).items():
             own = opened.channels(flight, ["alpha", "CZ"], end=6.0, points=50)[name]
             pd.testing.assert_series_equal(series, own)

@@ -137,6 +137,7 @@ def test_an_operator_knows_what_to_do_and_does_it(
         page.fill(f"{failed} [name=reason]", "a larger disk is in")
         clicks.on(f"{failed} button")
         assert "no room on the disk" not in page.locator("main").inner_text()
+        assert page.locator("main a:has-text('Decide on v0002')").count() == 1
         counted(clicks)
     answered(glider.root, ("status",), "1 thing to do")
 
@@ -197,12 +198,19 @@ def test_a_qualification_engineer_sees_what_is_within_tolerance_and_what_is_miss
     assert code in (0, 4), lines
     answered(workspace, validate, "checks within tolerance: ", "not covered +2", code=code)
     assert table.read_text("utf-8").startswith("test,title")
+    flown = ("version", "fly", "candidate", "--flight", "flight-1")
+    lines = answered(workspace, flown, r"\d+ of \d+ checks within", "next +aerodb version validate")
+    assert len(lines) < 30
     with served(Workspace.open(workspace)) as address, watched(browser, address) as page:
         visit(page, address, "/")
         clicks = Clicks(page)
         clicks.on("main table >> text=v0002")
         clicks.on("main >> text=Responses")
-        assert page.locator("table.qualification").count() == 1
+        table, figure = page.locator("table.qualification"), page.locator("figure").first
+        assert table.bounding_box()["y"] < figure.bounding_box()["y"]
+        page.set_viewport_size({"width": 400, "height": 900})  # the result is seen on a phone
+        result = page.locator("table.qualification td:has-text('%')").first.bounding_box()
+        assert result["x"] + result["width"] <= 400
         counted(clicks)
 
 

@@ -162,7 +162,7 @@ def test_a_fade_in_another_variable_becomes_an_axis() -> None:
         ("CZ0(alpha)", {"regressors": (parse("alpha^2"),)}, r"'alpha\^2' is not piecewise linear"),
         ("CZ0(alpha)", {"regressors": (parse("alpha*max(alpha, 0)"),)}, "is not linear in alpha"),
         ("CZ0(alpha)", {"regressors": (parse("step(alpha - 0.1)"),)}, "is not piecewise linear"),
-        ("CZ0(alpha)", {"envelope": {}}, "has no envelope"),
+        ("CZ0(alpha)", {"envelope": {}}, "has no flown range"),
         ("CZ0(alpha)", {"envelope": {"alpha": Interval(0.0, 0.1, 0.0)}}, "ends in a step"),
         (
             "CZ0(alpha)*beta",
@@ -170,7 +170,7 @@ def test_a_fade_in_another_variable_becomes_an_axis() -> None:
                 "regressors": (parse("alpha*beta"),),
                 "envelope": {**SLOPE.envelope, "beta": Interval(0.0, 1.0, 1.0)},
             },
-            "the envelope over beta acts on a factor outside the table",
+            "the flown range over beta acts on a factor outside the table",
         ),
     ],
 )
