@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 17,
     "update": 22,
     "gram": 19,
-    "close_loop": 58,
+    "close_loop": 59,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -21,7 +21,7 @@ from aerodb.loop.noise_floor import noise_floors
 from aerodb.loop.rounds import LoopResult, run_loop
 from aerodb.loop.sensor_share import found_sensors, sensor_shares, without_shares
 from aerodb.loop.stall import added_stall
-from aerodb.loop.within_flight import validated_within_flights
+from aerodb.loop.within_flight import estimated_without, validated_within_flights
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import UnexplainedResidual
 
@@ -40,11 +40,12 @@ def validate_loop(
     time.
 
     A flight left out takes no part in a loop of its own; which terms increment models have is known
-    there, their values are not. A stall is fitted to the other flights
-    that stall; where manoeuvres were the units, heads and tails of flights are predicted from
-    everything else. Where whole flights are the units, neither error holds what sensors that the
-    loop found to be wrong leave: it is no error of a database. predictors : is given, per flight
-    (its id) that was predicted as a whole, the database that predicted it.
+    there, their values are not. Where the others are too few for an error rate, and can confirm
+    nothing, what was added is known as well, and its values are theirs. A stall is fitted to the
+    other flights that stall; where manoeuvres were the units, heads and tails of flights are
+    predicted from everything else. Where whole flights are the units, neither error holds what
+    sensors that the loop found to be wrong leave: it is no error of a database. predictors : is
+    given, per flight (its id) that was predicted as a whole, the database that predicted it.
     """
     predictors = {} if predictors is None else predictors
     flights = (*hold_out.identified, *hold_out.held_out)
@@ -74,17 +75,21 @@ def validate_loop(
 
     def without(left_out: str) -> Comparison:
         others = tuple(flight for flight in hold_out.identified if flight != left_out)
-        again = run_loop(
-            source,
-            others,
-            loop.baseline,
-            library,
-            accept,
-            loop.without_gain,
-            [term for model in loop.axis_models for term in model.terms],
-        )
-        predictors[left_out] = again.candidate
-        return seen([left_out], again.candidate)[left_out]
+        if len(others) < library.settings.fewest and not loop.axis_models:
+            names = [finding.hypothesis for finding in loop.added]
+            other = estimated_without(source, library, loop.baseline, names, others, {})
+        else:
+            other = run_loop(
+                source,
+                others,
+                loop.baseline,
+                library,
+                accept,
+                loop.without_gain,
+                [term for model in loop.axis_models for term in model.terms],
+            ).candidate
+        predictors[left_out] = other
+        return seen([left_out], other)[left_out]
 
     return validate_by_leaving_one_out(before, after, without, floors)
 

@@ -20,11 +20,16 @@ VEHICLE = ("--vehicle", "yf22")
 
 
 def ingested(
-    root: Path, count: int, locked: dict[str, float] | None, product: float = IXZ, new: bool = True
+    root: Path,
+    count: int,
+    locked: dict[str, float] | None,
+    product: float = IXZ,
+    new: bool = True,
+    first: int = 0,
 ) -> Path:
     """A workspace with legs of the aircraft as its sensors logged them, and its database."""
     files = []
-    for seed in range(count):
+    for seed in range(first, first + count):
         leg = six_surfaces.leg(seed, six_surfaces.database(), locked)
         table = {"time": leg.time} | {name: leg[name] for name in CHANNELS}
         files.append(str(write_csv(root / f"leg{seed}.csv", table)))
@@ -55,8 +60,33 @@ def test_a_locked_surface_is_named_by_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.campaign
-def test_a_healthy_aircraft_is_at_its_noise_floor_by_command(tmp_path: Path) -> None:
-    loop = closed(ingested(tmp_path, 10, None))
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize(
+    ("surface", "angle"),
+    [
+        ("stabilator_left", 0.0),
+        ("stabilator_left", 0.02),
+        ("aileron_right", 0.0),
+        ("rudder_left", 0.0),
+    ],
+)
+def test_ten_legs_name_any_locked_surface_by_command(
+    tmp_path: Path, surface: str, angle: float, seed: int
+) -> None:
+    """Where the surface stands off zero, constants beside it may be errors of a sensor as well."""
+    loop = closed(ingested(tmp_path, 10, {surface: angle}, first=10 * seed))
+    finding, *others = loop["findings"]
+    assert finding["hypothesis"] == f"surface_asymmetry@all:{surface}"
+    assert finding["verdict"] == "sensor"
+    assert finding["ci95"][0] < 1.0 < finding["ci95"][1]
+    told = {(each["effect"], each["verdict"]) for each in others}
+    assert told <= ({("zero_offset", "ambiguous_sensor")} if angle else set())
+
+
+@pytest.mark.campaign
+@pytest.mark.parametrize("seed", range(10))
+def test_a_healthy_aircraft_is_at_its_noise_floor_by_command(tmp_path: Path, seed: int) -> None:
+    loop = closed(ingested(tmp_path, 10, None, first=10 * seed))
     assert loop["findings"] == []
     assert {axis["outcome"] for axis in loop["axes"].values()} == {"at noise floor"}
 

@@ -4,7 +4,9 @@ from collections.abc import Mapping
 
 import pytest
 
-from aerodb.loop import Accept, LoopResult, freeze_library, run_loop
+from aerodb.increments import HoldOut
+from aerodb.loop import Accept, LoopResult, freeze_library, run_loop, validate_loop
+from aerodb.tables import AeroDatabase, Parameter
 from tests.support.flights_in_memory import FlightsInMemory
 from tests.support.parts import aircraft, flights
 
@@ -21,6 +23,28 @@ def test_a_wrong_fin_gets_its_slope_and_the_parts_stay_as_written() -> None:
     assert finding.ci95[0] < 0.8 < finding.ci95[1]
     assert loop.candidate.parts == aircraft().parts
     assert loop.candidate.parameters["fin_slope"] == pytest.approx(3.0, rel=0.05)
+
+
+def test_three_flights_predict_each_other_though_two_confirm_nothing() -> None:
+    """What three confirm enters the prediction of one by two, which suspect at most. Its value is
+    that of the two."""
+    source, wrong = flights(range(3), aircraft()), {"fin_slope": 2.0}
+    ids, database = tuple(source.flown), aircraft(wrong)
+    split, loop = HoldOut(ids, (), "cross-validated"), closed(source, wrong)
+    assert [finding.subject for finding in loop.added] == ["fin_slope"]
+    library = freeze_library(source, ids, database)
+    used: dict[str, AeroDatabase] = {}
+    axes = {a.axis: a for a in validate_loop(source, split, library, loop, Accept(), used)}
+    for left_out in ids:
+        assert used[left_out].parameters["fin_slope"] == pytest.approx(3.0, rel=0.1)
+        assert (
+            left_out not in (used[left_out].variables["fin_slope"].parameter or Parameter()).flights
+        )
+    for axis in ("CY", "Cn"):
+        before, after = axes[axis].held_out_rms_before, axes[axis].held_out_rms_after
+        assert after is not None
+        assert before is not None
+        assert after < 0.8 * before, axis
 
 
 @pytest.mark.campaign
