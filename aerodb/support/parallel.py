@@ -18,14 +18,19 @@ Result = TypeVar("Result")
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
     """Return `function` of each item, in order.
 
-    The first error is raised once all calls that have started have ended.
+    The first error is raised once all calls that have started have ended; MemoryError where there
+    is no room for the stack of a thread.
     """
     todo = list(items)
     workers = min(len(todo), os.cpu_count() or 1)
     if workers < 2:
         return [function(item) for item in todo]
     with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(function, todo))
+        try:
+            calls = pool.map(function, todo)
+        except RuntimeError as error:  # "can't start new thread"
+            raise MemoryError(str(error)) from error
+        return list(calls)
 
 
 class Threads:

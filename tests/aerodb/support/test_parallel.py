@@ -6,7 +6,7 @@ import threading
 import numpy as np
 import pytest
 
-from aerodb.support.parallel import Threads
+from aerodb.support.parallel import Threads, in_threads
 
 
 @pytest.mark.parametrize("count", [0, 1, 2, 50])
@@ -43,3 +43,14 @@ def test_threads_end_with_what_holds_them() -> None:
     for thread in own:
         thread.join(30.0)
     assert not any(thread.is_alive() for thread in own)
+
+
+def test_no_room_for_a_thread_is_a_lack_of_memory(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("aerodb.support.parallel.os.cpu_count", lambda: 2)
+
+    def none(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", none)
+    with pytest.raises(MemoryError, match="new thread"):
+        in_threads(abs, [1, 2])
