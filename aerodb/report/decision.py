@@ -86,8 +86,10 @@ def _verdict(document: Mapping[str, Any]) -> str:
                 return f"{document['label']} has {count} from flight{ready}"
             axes = listed([entry["axis"] for entry in document["increments"]])
             return f"{document['label']} has increments on {axes}{ready}"
-        sure = any(finding["verdict"] in ADDED for finding in _added(document))
+        sure = sum(finding["verdict"] in ADDED for finding in _added(document))
         count = _count(len(document["added"]), "change" if sure else "unconfirmed change")
+        if 0 < sure < len(document["added"]):
+            count += f", {sure} confirmed"
         return f"{document['label']} has {count}{ready}"
     follows = [each for each in document.get("levels", ()) if followed(each)]
     if follows and not any(each["verdict"] != "sensor" for each in document["findings"]):

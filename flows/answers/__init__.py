@@ -3,7 +3,7 @@
 Keys beyond those described may be added; those here stay. Quantities are in SI units.
 
 `ANSWERS` names the form of each command's answer, `schema_of` writes its schema. Forms are in
-`flights`, `versions` and `results`; the console's API describes its answers with the same.
+`flights`, `versions`, `results` and `upkeep`; the console's API describes its answers with these.
 """
 
 from typing import TYPE_CHECKING

@@ -6,7 +6,7 @@ from typing import Any, Final
 from pydantic import TypeAdapter
 
 from aerodb.errors import UnknownNameError, nearest
-from aerodb.flows.answers import flights, results, versions
+from aerodb.flows.answers import flights, results, upkeep, versions
 
 #: Command -> what it answers.
 ANSWERS: Final[Mapping[str, Any]] = {
@@ -46,6 +46,22 @@ ANSWERS: Final[Mapping[str, Any]] = {
     "version rollback": versions.RolledBack,
     "version export": versions.Exported,
     "status": results.Status,
+    "vehicle add": upkeep.AddedVehicle,
+    "mapping init": upkeep.DraftedMapping,
+    "database import": versions.Imported,
+    "flight retract": upkeep.Retracted,
+    "version tag": upkeep.Noted,
+    "version comment": upkeep.Noted,
+    "report flight": upkeep.WrittenReport,
+    "report update": upkeep.WrittenReport,
+    "report version": upkeep.WrittenReport,
+    "verify": upkeep.Verified,
+    "backup": upkeep.BackedUp,
+    "restore": upkeep.Restored,
+    "retry": list[upkeep.Retried],
+    "dismiss": upkeep.Dismissed,
+    "user add": upkeep.AddedUser,
+    "user list": list[upkeep.ListedUser],
 }
 
 

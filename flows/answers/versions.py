@@ -190,6 +190,22 @@ class Inputs(Answer):
     proposals: dict[str, Any]
 
 
+class Imported(Inputs):
+    """A database that was imported: whether it is released, what its file checked (`file_checks`),
+    and what it lacks."""
+
+    version: str
+    label: str
+    database: str
+    released: bool
+    replaced: str | None
+    file_checks: dict[str, Any] | None
+    lacks: list[str]
+    unusual: list[Any]
+    without_values: list[Any]
+    warnings: list[Any]
+
+
 class Moved(Answer):
     """A name that was moved, or already pointed there (`moved` is false)."""
 

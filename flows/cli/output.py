@@ -7,7 +7,7 @@ import textwrap
 import threading
 import unicodedata
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, contextmanager, suppress
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
@@ -132,6 +132,13 @@ class Session:
         from aerodb.storage.workspace_settings import load_settings
 
         return UnitSystem(load_settings(self.root).show.units)
+
+    def saying(self) -> AbstractContextManager[None]:
+        """Context in which views write their sentences in the units shown; with ``--json`` in SI
+        units."""
+        from aerodb.units import SI, shown_in
+
+        return shown_in(SI if self.as_json else self.units)
 
     def workspace(self, create: bool = False) -> "Workspace":
         """Return the workspace; InputError if there is none and `create` is false."""

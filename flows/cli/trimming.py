@@ -196,7 +196,8 @@ def trim(session: Session, row: "VersionRow", flight: "StatedCondition", words: 
     """
     from aerodb.tasks.view import trim_document
 
-    document = trim_document(session.catalogue(), row, flight)
+    with session.saying():
+        document = trim_document(session.catalogue(), row, flight)
     session.headlines(
         _steady_words(session, row, document),
         _known_to(session, row, document),
@@ -224,7 +225,8 @@ def modes(
     """
     from aerodb.tasks.view import modes_document
 
-    document = modes_document(session.catalogue(), row, flight)
+    with session.saying():
+        document = modes_document(session.catalogue(), row, flight)
     session.headlines(
         f"{_steady_words(session, row, document)}; {_stability(document['modes'])}",
         _known_to(session, row, document),

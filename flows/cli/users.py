@@ -55,6 +55,14 @@ def list_users(context: typer.Context) -> None:
     """
     session: Session = context.obj
     rows = session.catalogue().users()
+    if not rows:
+        session.headlines(
+            "no users: whoever has an account on this machine may do everything",
+            [("console", "its token, which `aerodb web` prints, may do everything too")],
+            "aerodb user add NAME --role release",
+        )
+        session.answer([])
+        return
     session.table(
         ("user", "role", "since", "added by"),
         [(row.name, row.role, f"{row.since_utc:%Y-%m-%d %H:%M}", row.by) for row in rows],

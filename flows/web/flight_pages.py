@@ -1,5 +1,6 @@
 """Flights: the list, and one flight with its record and report."""
 
+from collections import Counter
 from contextlib import suppress
 from typing import Annotated, Literal
 
@@ -65,11 +66,14 @@ def flights_page(
     access = access_of(request)
     filters = {"vehicle": vehicle, "verdict": verdict, "text": text}
     page = access.catalogue.flight_page(FlightFilter(vehicle, verdict, text), PER_PAGE, after)
+    listed = flights_document(access.catalogue, page.rows)
+    words = (RETRACTED if each["retracted"] else each["verdict"] for each in listed)
     return page_of(
         request,
         "flights.html",
         "Flights",
-        flights=flights_document(access.catalogue, page.rows),
+        flights=listed,
+        counted=Counter(words).most_common(),
         asked=filters,
         after=after,
         further=address("/flights", **filters, after=page.further) if page.further else "",

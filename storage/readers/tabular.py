@@ -93,7 +93,8 @@ def _parse(data: bytes, suffix: str, where: str) -> Parsed:
         raise InputError(
             what, where, "save a MAT file with version 5 or later; give text a suffix such as .csv"
         )
-    raise InputError(f"unknown kind of table '{suffix}'", where, f"known: {', '.join(SUFFIXES)}")
+    kind = f"unknown kind of table '{suffix}'" if suffix else "no suffix, and unknown first bytes"
+    raise InputError(kind, where, f"known: {', '.join(SUFFIXES)}")
 
 
 def _topic(

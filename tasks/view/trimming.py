@@ -27,6 +27,7 @@ from aerodb.tables import AeroDatabase, height_outside_ground_effect
 from aerodb.tasks.references import value_of
 from aerodb.tasks.view.evaluation import database_of
 from aerodb.tasks.view.mode_documents import modes_part
+from aerodb.units import shown_units
 from aerodb.vehicle import parse_vehicle
 
 #: Largest number of points of a sweep.
@@ -95,9 +96,10 @@ class _Flown:
         found = trim(self.model, self.condition, self.inputs, **self.options)
         if self.ground is None:
             return found
+        below = shown_units().shown(self.condition.altitude - self.ground, "m", 4)
         note = (
-            f"ground taken {self.condition.altitude - self.ground:.4g} m below, outside ground"
-            " effect; --set ground_altitude=0 puts it at sea level"
+            f"ground taken {below} below, outside ground effect; --set ground_altitude=0 puts it"
+            " at sea level"
         )
         return replace(found, notes=(*found.notes, note))
 

@@ -8,9 +8,10 @@ import pytest
 
 from aerodb.errors import UnknownNameError
 from aerodb.flows.answers import ANSWERS, schema_of
+from aerodb.storage.catalogue.catalogue import Catalogue
 from tests.support.command import aerodb, asked, document
 from tests.support.shared_workspace import SharedWorkspaces
-from tests.support.small_glider import NAME
+from tests.support.small_glider import DATABASE, NAME, VEHICLE
 
 STEADY = ("--speed", "25", "--altitude", "0", "--glide")
 MANOEUVRE = """\
@@ -59,6 +60,7 @@ def answers(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) 
         "status": (),
     }
     found = {name: asked(workspace, *name.split(), *more) for name, more in arguments.items()}
+    found |= kept_answers(place, workspace, log, flight)
     moves = {
         "version lineage": ("candidate",),
         "version export": ("candidate", "--format", "csv", "--output", str(place / "v.csv")),
@@ -70,6 +72,41 @@ def answers(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces) 
     found["version gate"] = document(gate.stdout)
     found |= {name: asked(workspace, *name.split(), *more) for name, more in moves.items()}
     return found | flown_answers(place / "flown", shared)
+
+
+def kept_answers(place: Path, workspace: Path, log: str, flight: str) -> dict[str, Any]:
+    """What commands answer that keep, check or note something."""
+    page, copy, other = (str(place / each) for each in ("v.html", "copy", "other"))
+    vehicle, database = place / "vehicle.toml", place / "database.toml"
+    vehicle.write_text(VEHICLE.replace(f'"{NAME}"', '"second"'), encoding="utf-8")
+    database.write_text(DATABASE, encoding="utf-8")
+    with Catalogue.open(workspace / "catalogue.sqlite") as catalogue:
+        run = catalogue.start_run("update_flow", how="direct", parameters={"vehicle": NAME}).id
+        catalogue.end_run(run, "failed", "no room on the disk")
+    mine = ("--vehicle", NAME)
+    of_version = ("report", "version", "candidate", *mine, "--output", page)
+    found = {
+        "retry": asked(workspace, "retry", flight, "--direct"),
+        "dismiss": asked(workspace, "dismiss", run, "--reason", "a larger disk is in"),
+        "version tag": asked(workspace, "version", "tag", "candidate", "flown", *mine),
+        "version comment": asked(workspace, "version", "comment", "candidate", "good", *mine),
+        "report flight": asked(workspace, "report", "flight", flight, "--output", page),
+        "report update": asked(workspace, "report", "update", "candidate", *mine, "--output", page),
+        "report version": asked(workspace, *of_version),
+        "mapping init": asked(workspace, "mapping", "init", log, "--output", str(place / "m.toml")),
+        "verify": asked(workspace, "verify"),
+        "backup": asked(workspace, "backup", copy),
+    }
+    found["restore"] = asked(Path(other), "restore", copy)
+    spare = Path(other)
+    found |= {
+        "vehicle add": asked(spare, "vehicle", "add", str(vehicle)),
+        "database import": asked(spare, "database", "import", str(database), "--vehicle", "second"),
+        "flight retract": asked(spare, "flight", "retract", flight, "--reason", "pitot cover"),
+        "user add": asked(spare, "user", "add", "anna", "--role", "release"),
+    }
+    found["user list"] = asked(spare, "user", "list")
+    return found
 
 
 def flown_answers(place: Path, shared: SharedWorkspaces) -> dict[str, Any]:

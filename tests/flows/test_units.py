@@ -213,3 +213,5 @@ def test_a_trim_at_sea_level_is_not_in_ground_effect(
     assert alpha("v0002", "--set", "ground_altitude=0") < alpha("released") - 0.01
     said = aerodb(place, "version", "trim", "v0002", *steady).stdout
     assert "ground taken 4.32 m below, outside ground effect" in " ".join(said.split())
+    said = aerodb(place, "--units", "aero", "version", "trim", "v0002", *steady).stdout
+    assert "ground taken 14.17 ft below" in " ".join(said.split())

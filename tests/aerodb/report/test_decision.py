@@ -119,7 +119,7 @@ def test_one_change_is_read_first_and_the_others_below_the_next_command() -> Non
     assert dict(lines)["also"][2:] == ("2 more: -v",)
     assert " has 5 unconfirmed changes; " in decision(document).verdict
     document["findings"][4]["verdict"] = "confirmed"
-    assert " has 5 changes; " in decision(document).verdict
+    assert " has 5 changes, 1 confirmed; " in decision(document).verdict
     (first,) = dict(decision(document).lines)["found"]
     assert "Cm" in first
     assert "(confirmed)" in first

@@ -170,6 +170,11 @@ def test_tables_of_a_workspace_show_what_one_looks_at_first_and_have_everything(
     assert "<td>flight1.csv</td>" in shown
     assert "<th>mapping</th>" not in shown
     assert "further columns: vehicle, samples, mapping, reasons, retracted" in shown
+    printed = str(flights).splitlines()
+    assert len(printed) <= len(flights) + 4
+    assert "flight1.csv" in "".join(printed)
+    assert printed[-1].startswith("further columns: vehicle, samples, mapping")
+    assert "canonical" in str(flights[["mapping", "file"]])
     assert set(flights.mapping) == {"canonical"}
     assert "<th>mapping</th>" in flights[["mapping", "file"]]._repr_html_()
     assert list(opened.versions()["version"]) == [opened.version("v0001").id]

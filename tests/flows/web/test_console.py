@@ -40,7 +40,7 @@ def pages(made: Made) -> dict[str, str]:
     version, flight, hostile = made.candidate, made.flight, h("hostile 0")
     return {
         "/": "1 vehicle",
-        "/flights": "limited",
+        "/flights": "flights: 6 limited",
         "/logs": "A log needs no vehicle to be looked at",
         f"/flights?vehicle={NAME}&verdict=rejected&text=": "retracted",
         f"/flights/{flight}": "Kinematic consistency",
