@@ -1,7 +1,9 @@
 """``aerodb version design``: the next manoeuvre to fly, as a file."""
 
+import math
+import tomllib
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -10,6 +12,9 @@ from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Vehicle
 from aerodb.flows.cli.trimming import Altitude, Climb, Fuel, Given, Glide, Speed, steady_flight
 from aerodb.flows.cli.vehicles import read_text
+
+if TYPE_CHECKING:
+    from aerodb.storage.catalogue import VersionRow
 
 
 def design(
@@ -58,17 +63,47 @@ def design(
         duration=value_of("time", duration),
         flights=counted_flights(catalogue, row, flights),
     )
-    _print(session, document)
     if output is not None:
         output.write_text(document["manoeuvre"], "utf-8")
-        session.say(f"written: {output} (aerodb version fly {version} --manoeuvre {output})")
+    _print(session, row, document, output)
     session.answer(document)
 
 
-def _print(session: Session, document: dict[str, Any]) -> None:
+def _print(
+    session: Session, row: "VersionRow", document: dict[str, Any], output: Path | None
+) -> None:
+    """Print the manoeuvre in a line, what it tells and how far it moves the aircraft; then its
+    file, unless it was written."""
     from aerodb.report import channel_scale
 
-    session.say(document["manoeuvre"])
+    moves = []
+    for name, (low, high) in document["reached"].items():
+        factor, label = channel_scale(name, session.units)
+        moves.append(f"{label} {low * factor:.3g} to {high * factor:.3g}")
+    gained = max(document["parameters"], key=_gain)
+    known = gained["standard_error_before"]
+    before = "unknown" if known is None else f"{known:.3g}"
+    fly = f"aerodb version fly {row.label} --vehicle {row.vehicle} --manoeuvre {output or 'FILE'}"
+    session.headlines(
+        f"{row.vehicle}: {_manoeuvre_words(document['manoeuvre'])}",
+        [
+            (
+                "tells",
+                f"{gained['parameter']} most: standard error {before} ->"
+                f" {gained['standard_error_after']:.3g}",
+            ),
+            ("moves", "; ".join(moves)),
+            ("limits", f"kept by {document['within']} of {document['tried']} manoeuvres"),
+        ],
+        fly if output else f"write it with --output FILE, then {fly}",
+        [
+            (
+                "feedback",
+                "closed: the vehicle is unstable without it" if document["feedback"] else "",
+            )
+        ],
+    )
+    session.say()
     session.table(
         ["parameter", "standard error before", "after"],
         [
@@ -89,11 +124,29 @@ def _print(session: Session, document: dict[str, Any]) -> None:
             f"correlation of {' and '.join(pair['parameters'])}: {pair['correlation_before']:+.2f}"
             f" before, {pair['correlation_after']:+.2f} after"
         )
-    for name, (low, high) in document["reached"].items():
-        factor, label = channel_scale(name, session.units)
-        session.say(f"{label} moves from {low * factor:.3g} to {high * factor:.3g}")
-    if document["feedback"]:
-        session.say("flown with feedback: the vehicle is unstable without it")
-    session.say(f"{document['within']} of {document['tried']} manoeuvres stay within the limits")
     for note in document["notes"]:
         session.say(f"- {note}")
+    if output is None:
+        session.say()
+        session.say(document["manoeuvre"])
+
+
+def _gain(row: dict[str, Any]) -> float:
+    """By how much a standard error falls, as a factor; without bound where it was unknown."""
+    before, after = row["standard_error_before"], row["standard_error_after"]
+    return math.inf if before is None or not after else float(before / after)
+
+
+def _manoeuvre_words(text: str) -> str:
+    """Return the inputs of a manoeuvre file in words.
+
+    >>> _manoeuvre_words('[[input]]\\ntarget = "delta_e"\\nshape = "3211"\\namplitude = "6 deg"')
+    '3211 of delta_e by 6 deg'
+    """
+    inputs = tomllib.loads(text)["input"]
+    told = [
+        f"{each['shape']} of {each['target']}"
+        + (f" by {each['amplitude']}" if "amplitude" in each else "")
+        for each in inputs
+    ]
+    return "; ".join(told)

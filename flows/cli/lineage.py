@@ -1,6 +1,7 @@
 """``aerodb version lineage`` and ``impact``: sources of a number, uses of a flight."""
 
 from collections import Counter
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -111,51 +112,62 @@ def _whole(session: Session, catalogue: "Catalogue", row: "VersionRow") -> None:
 def _origins(
     session: Session, catalogue: "Catalogue", row: "VersionRow", node: str | None, at: str
 ) -> None:
+    """Print which increments act at a node or point, or what gave a parameter, and their flights
+    once."""
+    from aerodb.report import term_name
     from aerodb.tasks.view import origins_document
 
     document = origins_document(catalogue, row, node, at)
-    what, origins = document["at"], document["increments"]
+    what, origins = f"{row.vehicle}: {row.label} at {document['at']}", document["increments"]
     if "parameter" in document:
-        _parameter(session, row, what, document["parameter"])
-    elif not origins:
+        origins = [document["parameter"]] if document["parameter"]["flights"] else []
+        what = f"{row.vehicle}: {row.label}: {document['at']}"
+        what += f" = {_value(session, document['parameter'])}"
+    flights = list(dict.fromkeys(f["flight"] for origin in origins for f in origin["flights"]))
+    makers = dict.fromkeys(origin["label"] for origin in origins)
+    count = f"{len(flights)} flight{'' if len(flights) == 1 else 's'}"
+    based = f"from {count}, by {', '.join(makers)}" if origins else "as imported: no flight acts"
+    acting = []
+    for origin in origins if "parameter" not in document else ():
+        terms = dict.fromkeys(map(term_name, origin["regressors"]))
+        size = plus_minus(origin["value"], origin["standard_error"], 4)
+        acting.append((origin["axis"], f"{size} ({', '.join(terms)})"))
+    session.headlines(
+        f"{what}{':' if acting or not origins else ''} {based}",
+        acting,
+        f"aerodb version lineage {row.label} --vehicle {row.vehicle}",
+    )
+    _say_flights(session, catalogue, origins)
+    for label, origin in {origin["label"]: origin for origin in origins}.items():
         session.say(
-            f"{what}: no increment acts here: the value is that of {row.label}'s imported database"
-        )
-    for origin in origins:
-        session.say(
-            f"{what}: increment on {origin['axis']} of"
-            f" {plus_minus(origin['value'], origin['standard_error'], 5)}"
-            f" ({', '.join(origin['regressors'])}), made by"
-            f" {origin['label']} in run {str(origin['run'])[:12]}, code {origin['code_version']},"
+            f"{label} was made in run {str(origin['run'])[:12]}, code {origin['code_version']},"
             f" steps {_steps(origin['step_versions'])}"
-        )
-        session.table(
-            ["flight", "role", "log sha256", "retracted"],
-            [
-                [f["name"], f["role"], f["log_sha256"][:12], f["retracted"] or ""]
-                for f in origin["flights"]
-            ],
         )
     session.answer(document)
 
 
-def _parameter(session: Session, row: "VersionRow", name: str, origin: dict[str, Any]) -> None:
-    known = plus_minus(origin["value"], origin["standard_error"], 6)
-    unit = "" if origin["unit"] == "1" else f" {origin['unit']}"
-    if not origin["flights"]:
-        session.say(f"{name} = {known}{unit}: from {row.label}'s imported database")
-        return
-    session.say(
-        f"{name} = {known}{unit}, made by {origin['label']} in run"
-        f" {str(origin['run'])[:12]}, code {origin['code_version']}"
-    )
-    session.table(
-        ["flight", "role", "log sha256", "retracted"],
-        [
-            [f["name"], f["role"], f["log_sha256"][:12], f["retracted"] or ""]
-            for f in origin["flights"]
-        ],
-    )
+def _value(session: Session, origin: dict[str, Any]) -> str:
+    """Return the value of a parameter with half of its 95 % interval, in the units shown."""
+    factor, unit = session.units.scale(origin["unit"])
+    known = plus_minus(origin["value"], origin["standard_error"], 6, factor)
+    return f"{known}{'' if unit == '-' else f' {unit}'}"
+
+
+def _say_flights(
+    session: Session, catalogue: "Catalogue", origins: Sequence[dict[str, Any]]
+) -> None:
+    """Print the flights behind increments, each once."""
+    behind = {f["flight"]: f for origin in origins for f in origin["flights"]}
+    if behind:
+        names = catalogue.flight_labels(behind)
+        session.say()
+        session.table(
+            ["flight", "role", "log sha256", "retracted"],
+            [
+                [names[id], f["role"].replace("_", " "), f["log_sha256"][:12], f["retracted"] or ""]
+                for id, f in sorted(behind.items(), key=lambda each: names[each[0]])
+            ],
+        )
 
 
 def _steps(versions: dict[str, list[int]]) -> str:

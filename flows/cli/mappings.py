@@ -1,5 +1,6 @@
 """``aerodb mapping``: which field of a log is which channel."""
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -45,9 +46,22 @@ def init(
         clock = draft.clock
         place = f"{clock.topic}.{clock.field}"
         rows.insert(0, ["time", place, clock.unit, "1", clock.confidence, clock.reason])
-    session.table(["channel", "field", "unit", "scale", "sure", "why"], rows)
-    if not rows:
-        session.say("no field has the name of a channel: the file lists all of them")
+    open_points = len(draft.questions)
+    found = f"{len(rows)} channel{'s' * (len(rows) != 1)} found"
+    asked = f"; {open_points} question{'s' * (open_points != 1)} to answer" if open_points else ""
+    session.headlines(
+        f"{log.name}: {found if rows else 'no field has the name of a channel'}{asked}",
+        [
+            ("first", session.fitting(draft.questions[0], 9) if open_points else ""),
+            ("wrote", f"{path}, to be checked"),
+        ],
+        f"aerodb log inspect {shlex.quote(str(log))} --mapping {shlex.quote(str(path))}",
+    )
+    session.say()
+    if rows:
+        session.table(["channel", "field", "unit", "scale", "sure", "why"], rows)
+    else:
+        session.say("the file lists all fields")
     for note in [
         *draft.notes,
         *([f"not read: {skipped} (no numbers)"] if skipped else []),
@@ -56,7 +70,6 @@ def init(
         session.say(f"note: {note}")
     for question in draft.questions:
         session.say(f"question: {question}")
-    session.say(f"wrote {path}; check it, then: aerodb log inspect {log} --mapping {path}")
     session.answer(
         {
             "file": str(path),

@@ -1,12 +1,15 @@
 """``aerodb version tabulate``: a version as tables, with its error between the nodes."""
 
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from aerodb.errors import InputError
-from aerodb.flows.cli.output import Session
+from aerodb.flows.cli.output import Session, percent
 from aerodb.flows.cli.references import Vehicle
+
+if TYPE_CHECKING:
+    from aerodb.storage.catalogue import VersionRow
 
 
 def tabulate(
@@ -42,7 +45,7 @@ def tabulate(
     if len(parameters["over"]) < len(over):
         raise InputError("an input stands twice", "--over", "give each input once")
     document = session.run(tabulate_flow, parameters, direct=True)
-    _print(session, document)
+    _print(session, row, document)
     session.answer(document)
 
 
@@ -63,28 +66,45 @@ def _range(text: str) -> tuple[str, list[float | int]]:
     return name, [low, high, int(nodes)]
 
 
-def _print(session: Session, document: dict[str, Any]) -> None:
-    session.say(
-        f"{document['label']} descends from {document['parent']}: {document['tables']} tables of"
-        f" {document['nodes']} nodes over {', '.join(document['over'])}"
+def _print(session: Session, row: "VersionRow", document: dict[str, Any]) -> None:
+    from aerodb.report import display_unit
+
+    def shown(point: dict[str, float], digits: int) -> str:
+        said = []
+        for name, value in point.items():
+            factor, unit = display_unit(name, session.units)
+            said.append(f"{name} {factor * value:.{digits}g} {unit or ''}".rstrip())
+        return ", ".join(said)
+
+    errors = document["errors"]
+    worst = max(errors, key=lambda axis: _share(errors[axis]), default="")
+    size = f"{worst} off by up to {percent(_share(errors[worst]))} of its span" if worst else ""
+    session.headlines(
+        f"{row.vehicle}: {document['label']} has {document['tables']} tables of"
+        f" {document['nodes']} points over {', '.join(document['over'])}, made of {row.label}",
+        [
+            ("between", f"{size}, at {document['points']} points between breakpoints" * bool(size)),
+            ("linear in", ", ".join(document["rates"])),
+            ("as before", ", ".join(document["kept"])),
+            ("held", shown(document["held"], 5)),
+        ],
+        f"aerodb version export {document['label']} --vehicle {row.vehicle} --format csv",
     )
-    if document["rates"]:
-        session.say(f"linear in {', '.join(document['rates'])}")
-    if document["kept"]:
-        session.say(f"terms that stay as they are: {', '.join(document['kept'])}")
-    held = ", ".join(f"{name} {value:.5g}" for name, value in document["held"].items())
-    if held:
-        session.say(f"held (SI): {held}")
+    session.say()
     session.table(
-        ["axis", "largest error", "rms", "of", "at (SI)"],
+        ["axis", "largest error", "rms", "span", "at"],
         [
             [
                 axis,
                 *(f"{error[key]:.2g}" for key in ("largest", "rms", "span")),
-                ", ".join(f"{name} {value:.3g}" for name, value in error["at"].items()),
+                shown(error["at"], 3),
             ]
-            for axis, error in document["errors"].items()
+            for axis, error in errors.items()
         ],
         (1, 2, 3),
     )
-    session.say(f"errors at {document['points']} points between the breakpoints")
+
+
+def _share(error: dict[str, Any]) -> float:
+    """The largest error as a part of the span of its axis."""
+    return float(error["largest"] / error["span"]) if error["span"] else 0.0

@@ -57,6 +57,24 @@ def test_the_answer_comes_first(
     assert all(len(line) <= NARROW or "aerodb " in line for line in lines)
 
 
+def test_a_designed_manoeuvre_is_said_in_a_line_and_flown_by_the_command_below(
+    workspace: Path, tmp_path: Path
+) -> None:
+    model, file = tmp_path / "model.toml", tmp_path / "next.toml"
+    model.write_text('[[increment]]\naxis = "Cm"\nterms = ["1", "alpha"]\n', encoding="utf-8")
+    words = ("version", "design", "released", *AT, "--glide", "--model", str(model))
+    limits = ("--limit", "alpha=-2deg:9deg", "--duration", "10", "--output", str(file))
+    lines = answered(
+        workspace,
+        (*words, *limits),
+        r"small-glider: \S+ of delta_elevator by \S+ deg",
+        r"tells +Cm_\S+ most: standard error \S+ -> \S+",
+        r"moves +alpha \[deg\]",
+    )
+    command = next(line for line in lines if "aerodb version fly" in line).split("aerodb ")[1]
+    assert asked(workspace, *shlex.split(command))["responses"]["alpha"]
+
+
 def test_the_command_that_is_printed_runs(workspace: Path) -> None:
     """With the options of the one that printed it."""
     pull = ("--pull-up", "--load-factor", "1.3")

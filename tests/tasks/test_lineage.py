@@ -29,6 +29,7 @@ from tests.support.catalogue_samples import V, add_family, add_flight, add_versi
 from tests.support.command import asked
 from tests.support.shared_workspace import SharedWorkspaces
 from tests.support.small_glider import MODEL, NAME, TRUTH
+from tests.support.terminal import answered
 
 SECOND_MODEL = '[[increment]]\naxis = "Cm"\nterms = ["alpha"]\n'
 
@@ -78,7 +79,11 @@ def test_from_a_point_to_all_increments_that_act_there(
     made: tuple[Path, list[dict[str, Any]]],
 ) -> None:
     workspace, (first, second) = made
-    answer = asked(workspace, "version", "lineage", "v0003", "--at", "alpha=5deg,V=25")
+    point = ("version", "lineage", "v0003", "--at", "alpha=5deg,V=25")
+    lines = answered(workspace, point, "by v0002, v0003", r"CZ +-?\S+ \+- \S+ \(constant, alpha")
+    flown = [line for line in lines if "flight1.csv" in line]
+    assert len(flown) == 1, "each flight once, by its log"
+    answer = asked(workspace, *point)
     makers = {entry["axis"]: entry["made_by"] for entry in answer["increments"]}
     assert makers == {"CZ": first["candidate"], "CX": first["candidate"], "Cm": second["candidate"]}
     assert (
