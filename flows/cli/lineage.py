@@ -137,7 +137,7 @@ def _origins(
         acting,
         f"aerodb version lineage {row.label} --vehicle {row.vehicle}",
     )
-    _say_flights(session, catalogue, origins)
+    _say_flights(session, origins)
     for label, origin in {origin["label"]: origin for origin in origins}.items():
         session.say(
             f"{label} was made in run {str(origin['run'])[:12]}, code {origin['code_version']},"
@@ -153,19 +153,16 @@ def _value(session: Session, origin: dict[str, Any]) -> str:
     return f"{known}{'' if unit == '-' else f' {unit}'}"
 
 
-def _say_flights(
-    session: Session, catalogue: "Catalogue", origins: Sequence[dict[str, Any]]
-) -> None:
+def _say_flights(session: Session, origins: Sequence[dict[str, Any]]) -> None:
     """Print the flights behind increments, each once."""
     behind = {f["flight"]: f for origin in origins for f in origin["flights"]}
     if behind:
-        names = catalogue.flight_labels(behind)
         session.say()
         session.table(
             ["flight", "role", "log sha256", "retracted"],
             [
-                [names[id], f["role"].replace("_", " "), f["log_sha256"][:12], f["retracted"] or ""]
-                for id, f in sorted(behind.items(), key=lambda each: names[each[0]])
+                [f["name"], f["role"].replace("_", " "), f["log_sha256"][:12], f["retracted"] or ""]
+                for f in sorted(behind.values(), key=lambda each: each["name"])
             ],
         )
 

@@ -62,9 +62,10 @@ def problem_words(report: VerificationReport) -> list[str]:
 
 def counted(report: VerificationReport) -> str:
     """What was checked, in words: how many of each."""
-    sums = ", ".join(
-        f"{number} {_WORDS.get(name, name)}" for name, number in sorted(report.checked.items())
-    )
+    counts = {name: f"{n} {_WORDS.get(name, name)}" for name, n in sorted(report.checked.items())}
+    if "bytes" in counts:
+        counts["bytes"] = f"{report.checked['bytes'] / 1e6:.1f} MB"
+    sums = ", ".join(counts.values())
     return sums + (f"; {report.pending} files are being written" if report.pending else "")
 
 

@@ -5,7 +5,6 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.exchange import database_document_sha256
 from aerodb.tables import Tabulation, tabulate
 from aerodb.tasks.steps.publish import add_version
 from aerodb.tasks.workspace_access import access_workspace
@@ -44,7 +43,7 @@ def tabulate_version(
         made.database,
         row.vehicle,
         row.id,
-        [database_document_sha256(database)],
+        [row.id],
         settings,
         {"tabulated": document},
         [],

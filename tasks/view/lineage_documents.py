@@ -223,7 +223,7 @@ def _identity(increment: Mapping[str, Any]) -> str:
 def _origin(catalogue: Catalogue, maker: VersionRow, flights: Sequence[str]) -> dict[str, Any]:
     """Return the version that introduced an increment, with settings, step versions, run and
     flights."""
-    rows = catalogue.flights_by_id(flights)
+    rows, names = catalogue.flights_by_id(flights), catalogue.flight_labels(flights)
     roles = {use.flight: use.role for use in catalogue.version_flights(maker.id)}
     run = catalogue.run(maker.run) if maker.run is not None else None
     settings = catalogue.settings_of([maker.id])[maker.id]
@@ -241,7 +241,7 @@ def _origin(catalogue: Catalogue, maker: VersionRow, flights: Sequence[str]) -> 
         "flights": [
             {
                 "flight": flight,
-                "name": rows[flight].label,
+                "name": names[flight],
                 "role": roles.get(flight, "identified"),
                 "log_sha256": rows[flight].log_sha256,
                 "retracted": rows[flight].retract_reason or None,

@@ -139,6 +139,7 @@ def test_it_becomes_tables_that_fly_alike(workspace: Path) -> None:
         workspace, "version", "tabulate", "v0001", *over, "--at", "V=55,throttle=0.75,rho=1.1116"
     )
     assert again["version"] == made["version"]
+    assert asked(workspace, "verify")["clean"], "its parent is what it was made of"
     text = aerodb(workspace, "version", "tabulate", "v0001", "--over", "alpha=0:1").stderr
     assert "INPUT=LEAST:GREATEST:NODES" in text
 

@@ -58,6 +58,7 @@ def test_from_a_table_node_to_log_hashes_settings_steps_and_run(
     assert abs(entry["value"] - planted) < 4 * entry["standard_error"]
     assert (entry["axis"], entry["made_by"], entry["label"]) == ("CZ", first["candidate"], "v0002")
     assert [flight["flight"] for flight in entry["flights"]] == first["flights"]["identified"]
+    assert all(flight["name"].startswith("flight") for flight in entry["flights"])
     with Catalogue.open(workspace / "catalogue.sqlite") as catalogue:
         for flight in entry["flights"]:
             assert catalogue.flight(flight["flight"]).log_sha256 == flight["log_sha256"]
