@@ -15,9 +15,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 5,
     "estimate": 17,
-    "update": 22,
-    "gram": 19,
-    "close_loop": 59,
+    "update": 23,
+    "gram": 20,
+    "close_loop": 60,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

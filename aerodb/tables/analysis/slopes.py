@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.support import Array
-from aerodb.tables.analysis.nodes import table_grids
+from aerodb.tables.analysis.nodes import air_beside, table_grids
 from aerodb.tables.analysis.unstated_inputs import neutral_point
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
@@ -68,9 +68,10 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
     Alpha covers the breakpoints of all tables and three cells beyond the envelope. Every other
     input is varied alone: over the ends and the middle of its tables, the edges of its envelope and
     the middle of its fade. Outside the data is where any variable lies beyond the envelope of an
-    increment that the candidate adds. A change within one cell of a baseline change in the same
-    direction is not new, only shifted. Neither is a change that the flights have measured, where
-    the increment is held or fades in another variable. Empty where nothing depends on alpha.
+    increment that the candidate adds, or beyond what the flights of a changed parameter have flown.
+    A change within one cell of a baseline change in the same direction is not new, only shifted.
+    Neither is a change that the flights have measured, where the increment is held or fades in
+    another variable. Empty where nothing depends on alpha.
 
     Alpha is in rad.
     """
@@ -81,6 +82,8 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
     sign_changes, flown = [], dict[str, list[tuple[float, bool]]]()
     for at in _conditions((baseline, candidate), added):  # the neutral condition comes first
         point = {**neutral_point(baseline, added), **neutral_point(candidate, added), **at}
+        if "V" in at and candidate.has_loads:
+            point |= air_beside({"V": at["V"]})
         channels = {
             **{name: np.full(alpha.size, value) for name, value in point.items()},
             "alpha": alpha,
@@ -88,6 +91,7 @@ def new_sign_changes(baseline: AeroDatabase, candidate: AeroDatabase) -> tuple[S
         before, after = _quantities(baseline, channels), _quantities(candidate, channels)
         for quantity, axes in QUANTITIES.items():
             inside = _inside([i for i in added if i.axis in axes], channels, candidate)
+            inside |= _inside_flown(baseline, candidate, channels)
             flat = _FLAT * _largest_slope(alpha, before[quantity])
             nowhere = np.zeros_like(inside)
             # Where the baseline is flat (beyond its tables edge values are held) its slope has no
@@ -199,6 +203,27 @@ def _inside(
         values = candidate.resolved(increment.envelope, channels)
         for name, interval in increment.envelope.items():
             inside &= interval.contains(values[name])
+    return inside
+
+
+def _inside_flown(
+    baseline: AeroDatabase, candidate: AeroDatabase, channels: Mapping[str, Array]
+) -> NDArray[np.bool_]:
+    """(n,) where the flights of every parameter with another value have been; false everywhere
+    where no parameter has."""
+    alpha = channels["alpha"]
+    changed = [
+        candidate.variables[name].parameter
+        for name, value in candidate.parameters.items()
+        if baseline.parameters.get(name) != value
+    ]
+    inside = np.full(alpha.size, bool(changed))
+    for parameter in changed:
+        flown = {} if parameter is None else parameter.flown
+        inside &= "alpha" in flown
+        for name, (low, high) in flown.items():
+            if name in channels:
+                inside &= (low <= channels[name]) & (channels[name] <= high)
     return inside
 
 

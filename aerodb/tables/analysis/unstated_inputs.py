@@ -62,14 +62,26 @@ def unstated_inputs(database: AeroDatabase, stated: Mapping[str, Any]) -> dict[s
     return values
 
 
+def flight_speed(database: AeroDatabase) -> float:
+    """Return an airspeed [m/s] at which the aircraft flies: the middle of what the flights of its
+    parameters have flown, else of its tables over V, else `STAND_IN_SPEED`."""
+    known = [each.parameter for each in database.variables.values() if each.parameter is not None]
+    ends = [end for each in known for end in each.flown.get("V", ())]
+    ends = ends or [float(end) for points in breakpoints_over("V", database) for end in points]
+    return 0.5 * (min(ends) + max(ends)) if ends else STAND_IN_SPEED
+
+
 def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:
     """Return inputs [SI] of `database` where none is stated (`unstated_inputs`), moved to the
     nearest point inside the envelopes of `increments`.
 
-    States are left out, so that they have their steady value.
+    States are left out, so that they have their steady value. Loads do not scale with the dynamic
+    pressure, so that the airspeed of a database with loads is `flight_speed`.
     """
     states = {state.name for state in database.states}
-    point: dict[str, float] = unstated_inputs(database, {})
+    own = database.has_loads and database.reference.pressure is None and "V" in database.inputs
+    stated = {"V": flight_speed(database)} if own else {}
+    point: dict[str, float] = {**stated, **unstated_inputs(database, stated)}
     for increment in increments:
         for name, interval in increment.envelope.items():
             if name not in states:

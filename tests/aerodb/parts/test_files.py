@@ -12,7 +12,16 @@ from aerodb.exchange.jsbsim.export import export_jsbsim, input_properties
 from aerodb.exchange.native import database_document_sha256, from_document, read_native, to_document
 from aerodb.simulation import Condition, flight_model, linear_model, modes, trim
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
-from aerodb.tables import diff, failed_check_cases, make_check_cases, parse, with_parameters
+from aerodb.tables import (
+    Parameter,
+    diff,
+    failed_check_cases,
+    make_check_cases,
+    neutral_point,
+    new_sign_changes,
+    parse,
+    with_parameters,
+)
 from tests.support.parts import MASSES, TEXT, aircraft
 
 
@@ -155,3 +164,27 @@ def test_all_mistakes_of_a_file_are_said_each_with_its_place() -> None:
     lines = str(told.value).splitlines()
     assert lines[1].startswith("[parameters] wing_slope: bounds 7 and 3;")
     assert lines[2].startswith("[parameters] tail_downwash: value 0.38 lies outside its bounds")
+
+
+def test_a_corrected_parameter_is_no_new_sign_change_of_a_slope() -> None:
+    """The engine pulls: at 1 m/s its coefficient would be a hundred, and no sign there tells of the lift."""
+    assert neutral_point(aircraft())["V"] == 40.0
+    for name in ("tail_slope", "tail_downwash", "wing_slope", "wing_zero", "fin_slope"):
+        for factor in (0.8, 1.2):
+            other = aircraft({name: factor * aircraft().parameters[name]})
+            assert new_sign_changes(aircraft(), other) == (), (name, factor)
+
+
+def test_an_unstable_build_up_is_refused_unless_flights_have_been_there() -> None:
+    unstable = aircraft({"tail_slope": 1.1, "tail_downwash": 0.75})
+    found = new_sign_changes(aircraft(), unstable)
+    assert {change.quantity for change in found} == {"Cm"}
+    reason = min(change.alpha for change in found)
+    for low, expected in ((reason - 0.1, False), (reason + 0.01, True)):
+        variables = dict(unstable.variables)
+        for name in ("tail_slope", "tail_downwash"):
+            flown = Parameter((0.0, 7.0), ("one",), {"alpha": (low, 0.5), "V": (45.0, 60.0)})
+            variables[name] = replace(variables[name], parameter=flown)
+        known = replace(unstable, variables=variables)
+        assert neutral_point(known)["V"] == 52.5
+        assert bool(new_sign_changes(aircraft(), known)) == expected
