@@ -285,12 +285,14 @@ def _left_out(reasons: dict[str, str]) -> str:
 
 def _known_best(given: list[dict[str, Any]], believed: str | None) -> str:
     """Return the estimate that is the most of its standard errors from zero, of the method that is
-    believed, +- half of its 95 % interval; empty where none is."""
+    believed, +- half of its 95 % interval; empty where none is. Where a record began is none."""
     known = [
         each
         for entry in given
         for each in entry["estimates"]
-        if entry["method"] == believed and each["standard_error"]
+        if entry["method"] == believed
+        and each["standard_error"]
+        and not each["name"].startswith(_OF_RECORDS)
     ]
     if not known:
         return ""

@@ -4,6 +4,7 @@ from pathlib import Path
 
 import pytest
 
+from aerodb.flows.cli.estimating import _known_best
 from aerodb.identification import METHODS
 from tests.support.command import aerodb, asked
 from tests.support.shared_workspace import SharedWorkspaces
@@ -111,6 +112,18 @@ def test_what_is_known_best_stands_first_with_half_of_its_interval(root: Path) -
     second = aerodb(root, *given).stdout.splitlines()[1]
     said = f"{best['name']} {best['value']:.4g} +- {1.96 * best['standard_error']:.2g}"
     assert second.split(maxsplit=2) == ["known", "best", said]
+
+
+def test_where_a_record_began_is_not_what_is_known_best() -> None:
+    """A first airspeed is known to a ten-thousandth of itself, and tells nothing of the aircraft."""
+    estimates = [
+        {"name": "initial_V[one#1]", "value": 50.0, "standard_error": 0.005},
+        {"name": "tail_slope", "value": 3.8, "standard_error": 0.01},
+        {"name": "fin_slope", "value": 3.0, "standard_error": 0.02},
+    ]
+    given = [{"method": "output-error", "estimates": estimates}]
+    assert _known_best(given, "output-error") == "tail_slope 3.8 +- 0.02"
+    assert _known_best(given, "regression") == ""
 
 
 def test_a_linear_model_of_a_file_is_fitted(root: Path) -> None:
