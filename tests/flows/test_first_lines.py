@@ -46,6 +46,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
             ("3 of 4 points fly steadily", "takes +alpha .* deg", NEXT),
         ),
         ((*SWEEP, "--hold"), (r"CZ \S+ to \S+", "data +alpha flown .* faded out", NEXT)),
+        (("user", "list"), ("no users", "next +aerodb user add")),
         (("calibration", "list"), ("no calibration", "next +aerodb recalibrate")),
         (("verify",), ("no problems", "checked .*2 versions", NEXT)),
     ],
@@ -93,6 +94,16 @@ def test_files_that_are_written_say_so_first(workspace: Path, tmp_path: Path) ->
     answered(workspace, ("backup", str(copy)), "a complete backup: .* files", "hash", NEXT)
     assert page.is_file()
     assert model.is_file()
+
+
+def test_a_draft_says_what_it_found_and_what_it_asks(
+    workspace: Path, tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    file = tmp_path / "mapping.toml"
+    draft = ("mapping", "init", str(shared.logs[0]), "--output", str(file))
+    lines = answered(workspace, draft, r"flight1\.csv: \d+ channels found", "wrote +")
+    assert any("aerodb log inspect" in line for line in lines[: MOST_LINES + 2])
+    assert file.is_file()
 
 
 def test_a_problem_is_the_verdict(
