@@ -27,7 +27,13 @@ from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
 from aerodb.loop.moving_air import beside_rotating_air
 from aerodb.loop.refit import axes_of_misfit_shapes
 from aerodb.loop.remarks import on_linear_terms, on_shapes, on_stall, on_withheld, on_without_gain
-from aerodb.loop.sensor_share import compared_with, found_sensors, sensor_shares, without_shares
+from aerodb.loop.sensor_share import (
+    BesideSensors,
+    compared_with,
+    found_sensors,
+    sensor_shares,
+    without_shares,
+)
 from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT
 from aerodb.loop.stall_hysteresis import one_stall
@@ -160,8 +166,23 @@ class _State:
 
 
 def _rounds(given: _Given) -> _State:
-    """Trace and add until a round finds nothing new, or MOST_ROUNDS are over."""
-    state = _State(given.baseline)
+    """Trace and add until a round finds nothing new, or MOST_ROUNDS are over; then once more
+    without what sensors that were found to be wrong leave, which hides other effects."""
+    state = _until_nothing_new(given, _State(given.baseline))
+    sensors = {f.hypothesis: f for f in state.traced.findings if f.verdict == "sensor"}
+    if not sensors or state.by_manoeuvre or state.database.states:
+        return state
+    wrong = found_sensors(sensors.values())
+    shares = sensor_shares(given.source, given.flights, state.database, given.library, wrong)
+    beside = replace(given, source=BesideSensors(given.source, shares))
+    more = _until_nothing_new(beside, replace(state, rounds=0, ended=False))
+    if len(more.added) == len(state.added):
+        return state
+    findings = {**more.findings, **sensors}
+    return replace(more, findings=findings, rounds=state.rounds + more.rounds)
+
+
+def _until_nothing_new(given: _Given, state: _State) -> _State:
     while state.rounds < MOST_ROUNDS and not state.ended:
         state = _next_round(given, state)
     return state

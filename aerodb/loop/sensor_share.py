@@ -8,18 +8,52 @@ from collections.abc import Collection, Mapping
 from dataclasses import replace
 
 from aerodb.coefficients import Comparison
+from aerodb.conditioning import Segment
 from aerodb.effects import with_wind
-from aerodb.loop.flight_source import FlightSource
+from aerodb.flight import Flight
+from aerodb.loop.flight_source import FlightSource, ReconstructionErrors
 from aerodb.loop.frozen_library import Library
+from aerodb.loop.without_store import WithoutStore
 from aerodb.support import Array, in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import Finding
+from aerodb.vehicle import Vehicle
 
 
 def found_sensors(findings: Collection[Finding]) -> dict[str, float]:
     """Return the ids of the sensors that were found to be wrong, and by how much, in the unit of
     each hypothesis (SI)."""
     return {each.hypothesis: each.value for each in findings if each.verdict == "sensor"}
+
+
+class BesideSensors(WithoutStore):
+    """Flights without what sensors that were found to be wrong leave (flight -> axis -> (n,)): a
+    `FlightSource` of another."""
+
+    def __init__(self, source: FlightSource, shares: Mapping[str, Mapping[str, Array]]) -> None:
+        self._source, self._shares = source, shares
+
+    @property
+    def vehicle(self) -> Vehicle:
+        """The vehicle of all these flights."""
+        return self._source.vehicle
+
+    def flight(self, flight: str) -> Flight:
+        """Return the channels (n,) of a flight, SI."""
+        return self._source.flight(flight)
+
+    def reconstruction(self, flight: str) -> ReconstructionErrors:
+        """Return the results of the reconstruction of a flight, errors in SI units."""
+        return self._source.reconstruction(flight)
+
+    def segments(self, flight: str) -> tuple[Segment, ...]:
+        """Return manoeuvres and states of a flight, times [s] from its first sample."""
+        return self._source.segments(flight)
+
+    def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
+        """Return the coefficients (n,) of a flight, without the shares, with those that a database
+        predicts. Raises InputError where the flight lacks what is needed."""
+        return less_share(self._source.comparison(flight, database), self._shares[flight])
 
 
 def without_shares(
