@@ -72,7 +72,7 @@ def test_slopes_continue_where_no_flight_has_been_and_there_is_nothing_to_fade_t
     assert beyond["held_outside"] < 0.15
     assert beyond["share"] == 1.0
     said = " ".join(document["remarks"])
-    assert "continued beyond its envelope, alpha by 3.92 deg" in said
+    assert "continued beyond its flown range, alpha by 3.92 deg" in said
     assert "with slopes continued and then held" in said
     assert len(document["flights"]["identified"]) == 2
 

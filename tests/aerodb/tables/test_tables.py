@@ -360,7 +360,7 @@ def test_increments_add_at_the_outputs_with_the_database_s_own_hat_rates() -> No
 def test_increments_that_do_not_fit_are_refused() -> None:
     with pytest.raises(InputError, match="covariance"):
         Increment("CZ", (parse("alpha"),), np.array([1.0]), np.eye(2))
-    with pytest.raises(InputError, match="envelope from 1 to 0"):
+    with pytest.raises(InputError, match="flown range from 1 to 0"):
         Interval(1.0, 0.0, 0.1)
     with pytest.raises(InputError, match="no value for q_hat"):
         increment().evaluate({"alpha": 0.1})

@@ -122,5 +122,5 @@ def test_margins_are_stored_protected_and_never_folded_into_a_table() -> None:
             "increments"
         ][0]
     )
-    with pytest.raises(InputError, match="margin of -1 beyond the envelope of alpha"):
+    with pytest.raises(InputError, match="margin of -1 beyond the flown range of alpha"):
         replace(other, margins={"alpha": -1.0})
