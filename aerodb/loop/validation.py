@@ -49,8 +49,7 @@ def validate_loop(
     """
     predictors = {} if predictors is None else predictors
     flights = (*hold_out.identified, *hold_out.held_out)
-    within = loop.separates or loop.by_manoeuvre
-    sensors = {} if within else found_sensors(loop.findings)
+    sensors = {} if loop.by_manoeuvre else found_sensors(loop.findings)
     shares = sensor_shares(source, flights, loop.baseline, library, sensors)
 
     def seen(flights: Sequence[str], database: AeroDatabase) -> dict[str, Comparison]:

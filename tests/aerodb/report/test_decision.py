@@ -58,6 +58,16 @@ def test_a_version_says_change_proof_gate_and_next_command() -> None:
     assert lines["next"][0].startswith(f"aerodb version gate {document['label']} --vehicle")
 
 
+def test_a_wrong_sensor_beside_what_was_added_is_said_with_its_size() -> None:
+    sensor = found(verdict="sensor", hypothesis="cg_offset@all:x")
+    document = published(loop([found(), sensor], [found()], [proof("CX", 0.02, 0.005)]), "CX")
+    (said,) = told(document)["wrong"]
+    assert said.endswith("(sensor); correct it: errors are told without it")
+    document["validation"]["within_flights"] = True  # there they hold it
+    assert told(document)["wrong"][0].endswith("(sensor); correct it")
+    assert "wrong" not in told(published(loop([found()], [found()], [proof("CX", 0.02, 0.005)])))
+
+
 def test_levels_that_follow_a_condition_come_first_with_the_model_that_estimates_them() -> None:
     """The command has those options of the loop that an update has; a level that follows nothing is
     no step."""
