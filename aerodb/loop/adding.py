@@ -14,7 +14,7 @@ from aerodb.loop.constant_lift import Written
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.refit import refit_of, refit_terms
-from aerodb.loop.sensor_share import compared_with, less_share, sensor_shares
+from aerodb.loop.sensor_share import beside_sensors, compared_with
 from aerodb.loop.stall import EFFECT, added_stall
 from aerodb.loop.stall_hysteresis import (
     added_lift_hysteresis,
@@ -52,17 +52,16 @@ def bearable(
     constant of a centre of gravity can hide that of what is added.
     """
     before, added_on = compared_with(source, flights, database), _written_on(library)
-    shares = sensor_shares(source, flights, database, library, sensors)
+    beside = beside_sensors(source, flights, database, library, sensors)
 
     def tried(kept: list[Finding]) -> tuple[frozenset[str], AeroDatabase, list[Finding]]:
         if not kept:
             return frozenset(), database, kept
         candidate = added_to(source, database, library, kept, flights, sensors, written)
-        after = compared_with(source, flights, candidate)
-        worse = worse_axes(before, after)
-        if worse and sensors:
+        worse = worse_axes(before, compared_with(source, flights, candidate))
+        if worse and beside is not source:
             worse &= worse_axes(
-                *({f: less_share(each[f], shares[f]) for f in each} for each in (before, after))
+                *(compared_with(beside, flights, each) for each in (database, candidate))
             )
         return worse, candidate, kept
 

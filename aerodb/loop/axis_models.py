@@ -28,9 +28,9 @@ from aerodb.increments import (
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.moving_air import evidently_moving
-from aerodb.loop.sensor_share import compared_with, sensor_shares, without_shares
+from aerodb.loop.sensor_share import beside_sensors, compared_with
 from aerodb.loop.shapes import imitated_shapes
-from aerodb.support import Array, in_threads
+from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, Increment
 from aerodb.tracing import (
     ADDED,
@@ -205,20 +205,14 @@ class _Estimator:
     @cached_property
     def compared(self) -> Mapping[str, tuple[Flight, Comparison]]:
         """Flights (by id) with their comparisons with the baseline."""
-        left = self.beside_sensors(self.baseline, self.flights)
-        return {id: (self.source.flight(id), left[id]) for id in self.flights}
+        compared = compared_with(self.beside, self.flights, self.baseline)
+        return {id: (self.source.flight(id), compared[id]) for id in self.flights}
 
     @cached_property
-    def shares(self) -> Mapping[str, Mapping[str, Array]]:
-        """What the sensors leave: flight (id) -> axis -> (n,)."""
+    def beside(self) -> FlightSource:
+        """The flights without what the sensors leave."""
         given = (self.flights, self.baseline, self.library, self.sensors)
-        return sensor_shares(self.source, *given)
-
-    def beside_sensors(
-        self, database: AeroDatabase, flights: Sequence[str]
-    ) -> Mapping[str, Comparison]:
-        """Return flight (id) -> its comparison with a database, without what the sensors leave."""
-        return without_shares(self.source, flights, database, self.shares)
+        return beside_sensors(self.source, *given)
 
     def update(self, models: Mapping[str, Sequence[Hypothesis]], flights: Sequence[str]) -> Update:
         """Return the database with the models (axis -> terms), estimated from some of the flights.
@@ -372,11 +366,11 @@ def _proved(
 
     def alone(flight: str) -> Comparison:
         others = estimator.update(models, [other for other in flights if other != flight])
-        return estimator.beside_sensors(others.candidate, [flight])[flight]
+        return estimator.beside.comparison(flight, others.candidate)
 
     pairs = list(
         zip(
-            estimator.beside_sensors(candidate, flights).values(),
+            compared_with(estimator.beside, flights, candidate).values(),
             in_threads(alone, flights),
             strict=True,
         )

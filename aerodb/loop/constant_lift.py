@@ -17,7 +17,7 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import Hypothesis
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.sensor_share import sensor_shares, without_shares
+from aerodb.loop.sensor_share import beside_sensors, compared_with
 from aerodb.loop.turned_slopes import mean_constant
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, number
@@ -85,8 +85,8 @@ def level_again(
     the first increment of the loop. A constant whose interval then holds zero leaves the database,
     and is suspected. Raises InputError where a flight lacks what is needed.
     """
-    shares = sensor_shares(source, flights, database, library, sensors)
-    left = mean_constant(without_shares(source, flights, database, shares), "CZ") or 0.0
+    beside = beside_sensors(source, flights, database, library, sensors)
+    left = mean_constant(compared_with(beside, flights, database), "CZ") or 0.0
     low, high = (end + left for end in constant.ci95)
     gone = low <= 0.0 <= high
     increments = list(database.increments)

@@ -27,13 +27,7 @@ from aerodb.loop.manoeuvre_units import by_manoeuvres, with_few_flight_findings
 from aerodb.loop.moving_air import beside_rotating_air
 from aerodb.loop.refit import axes_of_misfit_shapes
 from aerodb.loop.remarks import on_linear_terms, on_shapes, on_stall, on_withheld, on_without_gain
-from aerodb.loop.sensor_share import (
-    BesideSensors,
-    compared_with,
-    found_sensors,
-    sensor_shares,
-    without_shares,
-)
+from aerodb.loop.sensor_share import beside_sensors, compared_with, found_sensors
 from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT
 from aerodb.loop.stall_hysteresis import one_stall
@@ -173,9 +167,8 @@ def _rounds(given: _Given) -> _State:
     if not sensors or state.by_manoeuvre or state.database.states:
         return state
     wrong = found_sensors(sensors.values())
-    shares = sensor_shares(given.source, given.flights, state.database, given.library, wrong)
-    beside = replace(given, source=BesideSensors(given.source, shares))
-    more = _until_nothing_new(beside, replace(state, rounds=0, ended=False))
+    beside = beside_sensors(given.source, given.flights, state.database, given.library, wrong)
+    more = _until_nothing_new(replace(given, source=beside), replace(state, rounds=0, ended=False))
     if len(more.added) == len(state.added):
         return state
     findings = {**more.findings, **sensors}
@@ -379,11 +372,9 @@ def _turned(given: _Given, state: _State) -> _State:
     turned = about_zero_lift(source, flights, given.baseline, state.database, library, sensors)
     if turned is state.database:
         return state
-    shares = sensor_shares(source, flights, given.baseline, library, sensors)
-    before, after = (
-        without_shares(source, flights, each, shares) for each in (given.baseline, turned)
-    )
-    return state if worse_axes(before, after) else replace(state, database=turned)
+    beside = beside_sensors(source, flights, given.baseline, library, sensors)
+    worse = worse_axes(*(compared_with(beside, flights, db) for db in (given.baseline, turned)))
+    return state if worse else replace(state, database=turned)
 
 
 def _traced(

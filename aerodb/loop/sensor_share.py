@@ -5,7 +5,7 @@ increment model, is judged without it. docs/method/tracing.md, sections 13 and 2
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
@@ -26,51 +26,47 @@ def found_sensors(findings: Collection[Finding]) -> dict[str, float]:
     return {each.hypothesis: each.value for each in findings if each.verdict == "sensor"}
 
 
-class BesideSensors(WithoutStore):
-    """Flights without what sensors that were found to be wrong leave (flight -> axis -> (n,)): a
-    `FlightSource` of another."""
-
-    def __init__(self, source: FlightSource, shares: Mapping[str, Mapping[str, Array]]) -> None:
-        self._source, self._shares = source, shares
-
-    @property
-    def vehicle(self) -> Vehicle:
-        """The vehicle of all these flights."""
-        return self._source.vehicle
-
-    def flight(self, flight: str) -> Flight:
-        """Return the channels (n,) of a flight, SI."""
-        return self._source.flight(flight)
-
-    def reconstruction(self, flight: str) -> ReconstructionErrors:
-        """Return the results of the reconstruction of a flight, errors in SI units."""
-        return self._source.reconstruction(flight)
-
-    def segments(self, flight: str) -> tuple[Segment, ...]:
-        """Return manoeuvres and states of a flight, times [s] from its first sample."""
-        return self._source.segments(flight)
-
-    def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
-        """Return the coefficients (n,) of a flight, without the shares, with those that a database
-        predicts. Raises InputError where the flight lacks what is needed."""
-        return less_share(self._source.comparison(flight, database), self._shares[flight])
-
-
-def without_shares(
+def beside_sensors(
     source: FlightSource,
     flights: Collection[str],
     database: AeroDatabase,
-    shares: Mapping[str, Mapping[str, Array]],
-) -> dict[str, Comparison]:
-    """Return flight (id) -> its comparison with a database, measured coefficients (n,) without what
-    `sensor_shares` told of it.
+    library: Library,
+    sensors: Mapping[str, float],
+) -> FlightSource:
+    """Return these flights (ids) without what sensors that were found to be wrong (id -> error, SI)
+    leave in them; the source itself without any.
 
-    Raises InputError where a flight lacks what is needed.
+    database : of the comparison in which this is told. Raises InputError where a flight lacks what
+    is needed.
     """
-    return {
-        flight: less_share(compared, shares[flight])
-        for flight, compared in compared_with(source, flights, database).items()
-    }
+    if not sensors:
+        return source
+    return _BesideSensors(source, _shares(source, flights, database, library, sensors))
+
+
+@dataclass(frozen=True, eq=False)
+class _BesideSensors(WithoutStore):
+    """Flights of another source, without shares (flight -> axis -> (n,)) of their measured
+    coefficients."""
+
+    source: FlightSource
+    shares: Mapping[str, Mapping[str, Array]]
+
+    @property
+    def vehicle(self) -> Vehicle:
+        return self.source.vehicle
+
+    def flight(self, flight: str) -> Flight:
+        return self.source.flight(flight)
+
+    def reconstruction(self, flight: str) -> ReconstructionErrors:
+        return self.source.reconstruction(flight)
+
+    def segments(self, flight: str) -> tuple[Segment, ...]:
+        return self.source.segments(flight)
+
+    def comparison(self, flight: str, database: AeroDatabase) -> Comparison:
+        return _less_share(self.source.comparison(flight, database), self.shares[flight])
 
 
 def compared_with(
@@ -80,14 +76,11 @@ def compared_with(
 
     Coefficients are (n,), dimensionless.
     """
-    return dict(
-        zip(
-            flights, in_threads(lambda id: source.comparison(id, database), [*flights]), strict=True
-        )
-    )
+    compared = in_threads(lambda id: source.comparison(id, database), [*flights])
+    return dict(zip(flights, compared, strict=True))
 
 
-def sensor_shares(
+def _shares(
     source: FlightSource,
     flights: Collection[str],
     database: AeroDatabase,
@@ -113,7 +106,7 @@ def sensor_shares(
     return dict(zip(flights, in_threads(one, [*flights]), strict=True))
 
 
-def less_share(compared: Comparison, share: Mapping[str, Array]) -> Comparison:
+def _less_share(compared: Comparison, share: Mapping[str, Array]) -> Comparison:
     """Return a comparison without a share (axis -> (n,)) of the measured coefficients."""
     if not share:
         return compared

@@ -19,8 +19,7 @@ from aerodb.coefficients import Comparison
 from aerodb.effects import WIND_TO_BODY_AXES, from_zero_lift, lift_curve
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.sensor_share import sensor_shares, without_shares
-from aerodb.support import Array
+from aerodb.loop.sensor_share import beside_sensors, compared_with
 from aerodb.tables import AeroDatabase, Expression, Name, number, parse, plus
 
 #: Axis of an increment -> body axis that shows its constant.
@@ -52,16 +51,14 @@ def about_zero_lift(
     none, zero_lift = _curves(before, library)
     none |= dict.fromkeys({turned, *others}, _SLOPE)
     zero_lift |= dict.fromkeys({_SLOPE, *others}, turned)
-    shares: dict[str, Mapping[str, Array]] | None = None
+    beside: FlightSource | None = None
     for axis, body in _SHOWN_ON.items():
         pair = [_about(candidate, first, axis, each) for each in (none, zero_lift)]
         if pair[0] is pair[1]:
             continue
-        if shares is None:  # the two differ by a constant
-            shares = sensor_shares(source, flights, candidate, library, sensors)
-        constants = [
-            mean_constant(without_shares(source, flights, each, shares), body) for each in pair
-        ]
+        if beside is None:  # the two differ by a constant
+            beside = beside_sensors(source, flights, candidate, library, sensors)
+        constants = [mean_constant(compared_with(beside, flights, each), body) for each in pair]
         if None not in constants:
             candidate = pair[abs(constants[1] or 0.0) < abs(constants[0] or 0.0)]
     return candidate

@@ -19,7 +19,7 @@ from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.noise_floor import noise_floors
 from aerodb.loop.rounds import LoopResult, run_loop
-from aerodb.loop.sensor_share import found_sensors, sensor_shares, without_shares
+from aerodb.loop.sensor_share import beside_sensors, compared_with, found_sensors
 from aerodb.loop.stall import added_stall
 from aerodb.loop.within_flight import estimated_without, validated_within_flights
 from aerodb.tables import AeroDatabase
@@ -43,19 +43,17 @@ def validate_loop(
     there, their values are not. Where the others are too few for an error rate, and can confirm
     nothing, what was added is known as well, and its values are theirs. A stall is fitted to the
     other flights that stall; where manoeuvres were the units, heads and tails of flights are
-    predicted from everything else. Where whole flights are the units, neither error holds what
-    sensors that the loop found to be wrong leave: it is no error of a database. predictors : is
-    given, per flight (its id) that was predicted as a whole, the database that predicted it.
+    predicted from everything else. Neither error holds what sensors that the loop found to be wrong
+    leave: it is no error of a database. predictors : is given, per flight (its id) that was
+    predicted as a whole, the database that predicted it.
     """
     predictors = {} if predictors is None else predictors
     flights = (*hold_out.identified, *hold_out.held_out)
-    sensors = {} if loop.by_manoeuvre else found_sensors(loop.findings)
-    shares = sensor_shares(source, flights, loop.baseline, library, sensors)
-
-    def seen(flights: Sequence[str], database: AeroDatabase) -> dict[str, Comparison]:
-        return without_shares(source, flights, database, shares)
-
-    before, after = seen(flights, loop.baseline), seen(flights, loop.candidate)
+    sensors = found_sensors(loop.findings)
+    beside = beside_sensors(source, flights, loop.baseline, library, sensors)
+    before, after = (
+        compared_with(beside, flights, each) for each in (loop.baseline, loop.candidate)
+    )
     if hold_out.kind != "cross-validated":
         predictors.update(dict.fromkeys(hold_out.held_out, loop.candidate))
         floors = noise_floors(source, hold_out.held_out or flights, loop.candidate)
@@ -66,17 +64,17 @@ def validate_loop(
         def from_others(left_out: str) -> Comparison:
             others = tuple(flight for flight in library.stall if flight != left_out)
             predictors[left_out] = added_stall(source, loop.baseline, others)
-            return seen([left_out], predictors[left_out])[left_out]
+            return beside.comparison(left_out, predictors[left_out])
 
         return validate_by_leaving_one_out(before, after, from_others, floors)
     if loop.by_manoeuvre:
-        return validated_within_flights(source, library, loop, before, after, floors)
+        return validated_within_flights(beside, library, loop, before, after, floors)
 
     def without(left_out: str) -> Comparison:
         others = tuple(flight for flight in hold_out.identified if flight != left_out)
         if len(others) < library.settings.fewest and not loop.axis_models:
             names = [finding.hypothesis for finding in loop.added]
-            other = estimated_without(source, library, loop.baseline, names, others, {})
+            other = estimated_without(beside, library, loop.baseline, names, others, {})
         else:
             other = run_loop(
                 source,
@@ -88,7 +86,7 @@ def validate_loop(
                 [term for model in loop.axis_models for term in model.terms],
             ).candidate
         predictors[left_out] = other
-        return seen([left_out], other)[left_out]
+        return beside.comparison(left_out, other)
 
     return validate_by_leaving_one_out(before, after, without, floors)
 

@@ -229,8 +229,7 @@ def _suspicions(document: Mapping[str, Any], units: UnitSystem | None, rest: str
 def _sensors(document: Mapping[str, Any], units: UnitSystem | None) -> list[str]:
     """Sensors and vehicle data that were found to be wrong beside what was added."""
     found = [each for each in document["findings"] if each["verdict"] == "sensor"]
-    told = "" if by_parts(document) else ": errors are told without it"
-    return [f"{_sized(each, units)}; correct it{told}" for each in found]
+    return [f"{_sized(each, units)}; correct it: errors are told without it" for each in found]
 
 
 def _proof(document: Mapping[str, Any]) -> str:
