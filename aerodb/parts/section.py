@@ -72,9 +72,10 @@ class Measured:
 
 
 #: Level of a single slotted flap: mean of .77, .82, .85, .84 and .80 at the chord ratios .15, .2,
-#: .25, .3 and .4 of DATCOM's curves of the effectiveness of such flaps (Roskam VI, figure 8.17).
+#: .25, .3 and .4 of DATCOM's curves of the effectiveness of such flaps (Roskam VI, figure 8.17),
+#: as they are tabulated by others: the figures themselves were not at hand.
 _SLOTTED_LEVEL: Final = 0.82
-#: Level of a plain flap: what one reaches at small deflections (McCormick, section 3.4).
+#: Level of a plain flap at small deflections: a usual value; no curve of it was at hand.
 _PLAIN_LEVEL: Final = 0.80
 #: Share lost, middle and width [deg] by least squares of the same curves of slotted flaps over
 #: their value at 0, at 0 to 60 deg in steps of 10: rms .026, at most .07, which is how much the
