@@ -3,7 +3,7 @@
 The models that derive from `Strict` define the keys: vehicle, mapping, model and database file.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, TypeVar
 
 from pydantic import BaseModel, ConfigDict, ValidationError
@@ -44,11 +44,19 @@ def validated(model: type[Model], data: Any, where: str) -> Model:
     if any(each["type"] == "extra_forbidden" for each in faults):
         faults = [each for each in faults if each["type"] != "missing"]
         faults.sort(key=lambda each: each["type"] != "extra_forbidden")
+    places = [each["loc"] for each in faults]
+    faults = [each for each in faults if each["type"] != "too_short" or not _inside(each, places)]
     told: dict[str, InputError] = {}  # a choice of types fails once for each of them
     for fault in faults:
         told.setdefault(_key_of_error(data, fault["loc"], fault["type"]), _told(model, data, fault))
     said = together([*told.values()])
     raise InputError(said.what, where, said.remedy)
+
+
+def _inside(fault: Any, places: Sequence[tuple[int | str, ...]]) -> bool:
+    """Whether a place is inside that of a fault: a list is too short without its faulty items."""
+    whole = fault["loc"]
+    return any(len(place) > len(whole) and place[: len(whole)] == whole for place in places)
 
 
 def _told(model: type[Model], data: Any, fault: Any) -> InputError:

@@ -107,6 +107,10 @@ class Hinge(Strict):
         return self
 
 
+#: Limit of a deflection; infinite of what is only said to be beyond its range.
+Limit = Annotated[float, in_unit("rad")]
+
+
 class Surface(Strict):
     """A control surface: its deflection limits, the calibration of logged commands, and its hinge.
 
@@ -114,7 +118,7 @@ class Surface(Strict):
     `log` names the field in the log; without it, the mapping's channel ``delta_<name>`` is used.
     """
 
-    limits: tuple[Radians, Radians]
+    limits: tuple[Limit, Limit]
     scale: Radians = 1.0
     offset: Radians = 0.0
     lag: Seconds = 0.0
@@ -124,7 +128,7 @@ class Surface(Strict):
 
     @model_validator(mode="after")
     def _ordered(self) -> Self:
-        if self.limits[0] >= self.limits[1]:
+        if not self.limits[0] < self.limits[1]:
             raise ValueError("limits must be (lower, upper)")
         return self
 

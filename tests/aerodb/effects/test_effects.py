@@ -328,7 +328,7 @@ def _view(flight, database: AeroDatabase, vehicle: Vehicle) -> FlightView:
         (("alpha*p_hat", "WING(alpha)*p_hat"), "no function 'WING'"),
         (("abs(beta)", "__import__('os')"), "position"),
         (("[-50.0, 50.0]", "[50.0, -50.0]"), "plausible must be"),
-        (("because =", "becuase ="), "unknown key .*becuase'\n.*did you mean 'because'"),
+        (("because =", "becuase ="), "2 mistakes\nunknown key .*becuase'; did you mean 'because'"),
         (("[[effect]]", "[[effect]"), "not valid TOML"),
         (("axes =", "axis ="), "unknown key"),
     ],
