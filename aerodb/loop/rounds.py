@@ -43,7 +43,7 @@ from aerodb.tracing import (
     trace,
 )
 
-#: The loop ends after this many rounds whatever it still finds.
+#: Rounds end after so many whatever they still find; those beside found sensors count anew.
 MOST_ROUNDS = 4
 #: Before the first round.
 _NOTHING: Final = Traced((), (), (), (), ())
@@ -163,14 +163,14 @@ def _rounds(given: _Given) -> _State:
     """Trace and add until a round finds nothing new, or MOST_ROUNDS are over; then once more
     without what sensors that were found to be wrong leave, which hides other effects."""
     state = _until_nothing_new(given, _State(given.baseline))
-    sensors = {f.hypothesis: f for f in state.traced.findings if f.verdict == "sensor"}
-    if not sensors or state.by_manoeuvre or state.database.states:
+    wrong = found_sensors(state.traced.findings)
+    if not wrong or state.by_manoeuvre or state.database.states:
         return state
-    wrong = found_sensors(sensors.values())
     beside = beside_sensors(given.source, given.flights, state.database, given.library, wrong)
     more = _until_nothing_new(replace(given, source=beside), replace(state, rounds=0, ended=False))
     if len(more.added) == len(state.added):
         return state
+    sensors = {f.hypothesis: f for f in state.traced.findings if f.hypothesis in wrong}
     findings = {**more.findings, **sensors}
     return replace(more, findings=findings, rounds=state.rounds + more.rounds)
 
