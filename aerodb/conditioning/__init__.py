@@ -42,10 +42,11 @@ if TYPE_CHECKING:
         delays,
     )
     from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
-    from .failures import SLOW, failures
+    from .failures import failures
     from .ground_motion import ground_speed, places, wheel_speed
     from .local_gravity import local_gravity
     from .manoeuvres import SETTLED
+    from .pitot import AIR, SLOW
     from .segment import STATES, Segment
     from .segmentation import carried, despite_ground, ground_and_air, segments, was_airborne
     from .selection import checked_conditions, selected

@@ -10,14 +10,7 @@ from typing import Final
 import numpy as np
 from scipy.ndimage import median_filter
 
-from aerodb.conditioning.failures import (
-    LEAST_AIRSPEED,
-    MOST_WIND,
-    SLOW,
-    airspeed_of,
-    failures,
-    speed_over_ground,
-)
+from aerodb.conditioning.failures import failures
 from aerodb.conditioning.ground_motion import wheel_speed
 from aerodb.conditioning.manoeuvres import (
     ABOVE_ACTIVITY,
@@ -28,6 +21,13 @@ from aerodb.conditioning.manoeuvres import (
     SETTLED,
     Input,
     inputs,
+)
+from aerodb.conditioning.pitot import (
+    LEAST_AIRSPEED,
+    MOST_WIND,
+    SLOW,
+    airspeed_of,
+    speed_over_ground,
 )
 from aerodb.conditioning.responses import (
     AircraftResponse,

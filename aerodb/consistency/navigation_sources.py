@@ -13,7 +13,6 @@ from itertools import combinations
 from typing import Any, Final
 
 import numpy as np
-from scipy.integrate import cumulative_trapezoid
 from scipy.ndimage import uniform_filter1d
 
 from aerodb.conditioning import SETTLED
@@ -25,6 +24,7 @@ from aerodb.consistency.verdict import navigation_limits
 from aerodb.flight import Flight
 from aerodb.nomenclature import NAVIGATION
 from aerodb.remarks import SOLUTION, Remark
+from aerodb.signals import integrated
 from aerodb.support import Array
 from aerodb.vehicle import Vehicle
 
@@ -248,7 +248,7 @@ def _slow_rate(piece: _Piece, position: str, velocity: str) -> Array:
         return np.array([])
     index = np.arange(len(along))
     along, speed = (np.interp(index, index[good], each[good]) for each in (along, speed))
-    apart = along - sign * cumulative_trapezoid(speed, dx=piece.step, initial=0)
+    apart = along - sign * integrated(speed, piece.step)
     apart = uniform_filter1d(apart, max(1, round(1.0 / piece.step)))
     rate = (apart[many:] - apart[:-many]) / (many * piece.step)
     return np.asarray(rate[good[many:] & good[:-many]])

@@ -2,8 +2,8 @@
 
 - `clean_clock`, `interval` and `is_uniform` work on time stamps (`clock`); `uniform_grid`,
   `resampler`, `hold` and `first_order_lag` bring values onto one grid (`resampling`).
-- `smooth`, `low_passed`, `low_passed_rate`, `band_passed` and `bridge` are filters without delay
-  (`differentiation`).
+- `smooth`, `low_passed`, `low_passed_rate`, `band_passed` and `bridge` are filters without delay;
+  `integrated` is their inverse of a rate (`differentiation`).
 - `played` is what follows through a play (`backlash`).
 - `runs` finds stretches of samples (`masks`).
 - `rms` and `theil` measure how well a prediction follows a measurement (`error_measures`).
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
         FEWEST_SAMPLES,
         band_passed,
         bridge,
+        integrated,
         low_passed,
         low_passed_rate,
         smooth,

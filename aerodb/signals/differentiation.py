@@ -200,6 +200,18 @@ def bridge(values: Array) -> Array:
     return np.interp(index, index[good], values[good])
 
 
+def integrated(rate: Array, step: float) -> Array:
+    """Return the integral (n,) of a rate (n,) by the trapezoidal rule, zero at first.
+
+    step [s]. Source: Abramowitz & Stegun, Handbook of Mathematical Functions, 25.4.1.
+
+    >>> integrated(np.array([0.0, 2.0, 2.0]), 0.5)
+    array([0. , 0.5, 1.5])
+    """
+    result: Array = np.concatenate([[0.0], np.cumsum(0.5 * step * (rate[1:] + rate[:-1]))])
+    return result
+
+
 def _end_points(record: Array, step: float, bandwidth: float) -> tuple[float, float]:
     """Return the end values of a local quadratic over half a period of the bandwidth.
 

@@ -9,11 +9,13 @@ alone, and the aircraft yields to them: less is explained, the vane changes less
 and accelerometers seem early. Of that nothing is said.
 """
 
-from collections.abc import Iterator
+import contextlib
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerodb.conditioning import (
     BAND,
@@ -28,7 +30,7 @@ from aerodb.conditioning import (
 from aerodb.errors import InputError
 from aerodb.estimation import Regression, least_squares, samples_per_independent
 from aerodb.flight import Flight
-from aerodb.signals import band_passed, bridge
+from aerodb.signals import band_passed, bridge, integrated
 from aerodb.support import Array, half_interval
 from aerodb.suspicions.begin import explained_from
 from aerodb.suspicions.equation_error import averaged
@@ -87,6 +89,8 @@ def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     vehicle".
     """
     channels = with_accelerations(flight)
+    if not channels:
+        return ()
     angles = [each for name in _SHOWN if (each := _angle(name, flight, channels)) is not None]
     for in_air in (False, True):
         late = [said for each in angles if each.in_air == in_air for said in _late(each)]
@@ -95,41 +99,85 @@ def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
     return tuple(said for each in angles if each.name == "alpha" for said in _larger(each))
 
 
-def _angle(name: str, flight: Flight, channels: dict[str, Array]) -> _Angle | None:
-    rate, needed = KINEMATICS[name]
-    place, sensor = _SHOWN[name]
-    if not {*needed, *place} <= channels.keys():
+@dataclass(frozen=True, eq=False)
+class _Motion:
+    """An angle and the rate that turns it, in the band of motion: means of `every` samples where
+    the aircraft flies and everything needed is usable, (m,)."""
+
+    name: str
+    channels: Mapping[str, Array]
+    flown: NDArray[np.bool_]
+    step: float
+    every: int
+
+    def moving(self, values: Array) -> Array:
+        """Values (n,) there, band-passed (m,); ValueError or InputError where they cannot be."""
+        return self._in_band(self._thin(values))
+
+    @property
+    def shown(self) -> Array:
+        """The angle as logged, (m,) [rad]."""
+        values = self.channels[self.name]
+        return self.moving(values if self.name != "psi" else np.unwrap(values))
+
+    @property
+    def turned(self) -> Array:
+        """The angle as the motion turns it, (m,) [rad]."""
+        return self._in_band(integrated(bridge(self._thin(self._rate)), self.step))
+
+    @property
+    def known(self) -> NDArray[np.bool_]:
+        """Where the angle and its rate are known, (m,)."""
+        return np.isfinite(self._thin(self._rate + self.channels[self.name]))
+
+    @property
+    def _rate(self) -> Array:
+        return KINEMATICS[self.name][0](self.channels)
+
+    def _thin(self, values: Array) -> Array:
+        return averaged(np.where(self.flown, values, np.nan), self.every)
+
+    def _in_band(self, values: Array) -> Array:
+        return band_passed(bridge(values), self.step, BAND[0], _highest(self.step))
+
+
+def _highest(step: float) -> float:
+    """Highest frequency [Hz] at which an angle is compared."""
+    return min(BAND[1], 0.4 / step)
+
+
+def _motion(
+    name: str, flight: Flight, channels: Mapping[str, Array], every: int, *more: str
+) -> _Motion | None:
+    """An angle and its rate, the means of `every` samples; None where something is missing, more
+    channels among it, or where too little is flown."""
+    needed, step = KINEMATICS[name][1], every * flight.step
+    if not {*needed, *more} <= channels.keys() or _highest(step) < 2.0 * BAND[0]:
         return None
-    logged = [n for n in (*needed, "ax_imu", "ay_imu", "az_imu") if n in flight]
-    where = flying(flight, logged)
+    where = flying(flight, [n for n in (*needed, "ax_imu", "ay_imu", "az_imu") if n in flight])
     if "V" in needed:
         where &= channels["V"] > 0.0
-    every = max(1, int(1.0 / (SAMPLES_PER_PERIOD * BAND[1] * flight.step)))
-    step, high = every * flight.step, min(BAND[1], 0.4 / flight.step)
-    if where.sum() * flight.step < SETTLED or high < 2.0 * BAND[0] or len(where) < 20 * every:
+    if where.sum() < max(20 * every, SETTLED / flight.step):
         return None
+    return _Motion(name, channels, where, step, every)
 
-    def thin(values: Array) -> Array:
-        return averaged(np.where(where, values, np.nan), every)
 
-    inside = np.isfinite(thin(channels[name]))
-
-    def moving(values: Array) -> Array:
-        return band_passed(bridge(values), step, BAND[0], high)[inside]
-
+def _angle(name: str, flight: Flight, channels: Mapping[str, Array]) -> _Angle | None:
+    place, sensor = _SHOWN[name]
+    every = max(1, int(1.0 / (SAMPLES_PER_PERIOD * BAND[1] * flight.step)))
+    made = _motion(name, flight, channels, every, *place)
+    if made is None:
+        return None
+    inside, speed = made.known, channels["V"] if place else 1.0  # a / V is what turns the flow
     try:
-        turning = bridge(thin(rate(channels)))
-        turned = np.concatenate([[0.0], np.cumsum(0.5 * step * (turning[1:] + turning[:-1]))])
-        speed = channels["V"] if place else 1.0  # an accelerometer turns the flow by a / V
-        shown = channels[name] if name != "psi" else np.unwrap(channels[name])
         return _Angle(
             name,
             sensor if sensor in flight else f"{sensor}_imu",
             averaged(flight.time, every)[inside],
-            moving(thin(shown)),
-            moving(turned),
-            tuple(moving(thin(channels[each])) for each in place),
-            moving(thin(channels[sensor] / speed)),
+            made.shown[inside],
+            made.turned[inside],
+            tuple(made.moving(channels[each])[inside] for each in place),
+            made.moving(channels[sensor] / speed)[inside],
         )
     except (ValueError, InputError):
         return None
@@ -142,27 +190,11 @@ def off_motion(flight: Flight, every: int) -> dict[str, Array]:
     Gusts are in it, and all that is wrong with the vane or its channel; no constant is.
     """
     channels, found = with_accelerations(flight), {}
-    step = every * flight.step
-    high = min(BAND[1], 0.4 / step)
     for name in ("alpha", "beta"):
-        rate, needed = KINEMATICS[name]
-        if not set(needed) <= channels.keys() or name not in flight or high < 2.0 * BAND[0]:
-            continue
-        where = flying(flight, [n for n in needed if n in flight]) & (channels["V"] > 0.0)
-        turning, shown = (
-            averaged(np.where(where, values, np.nan), every)
-            for values in (rate(channels), channels[name])
-        )
-        known = np.isfinite(turning + shown)
-        if known.sum() < max(20, SETTLED / step):
-            continue
-        turning = bridge(turning)
-        turned = np.concatenate([[0.0], np.cumsum(0.5 * step * (turning[1:] + turning[:-1]))])
-        try:
-            apart = band_passed(bridge(shown) - turned, step, BAND[0], high)
-        except (ValueError, InputError):
-            continue
-        found[name] = np.where(known, apart, 0.0)
+        made = _motion(name, flight, channels, every) if name in flight else None
+        if made is not None and made.known.any():
+            with contextlib.suppress(ValueError, InputError):
+                found[name] = np.where(made.known, made.shown - made.turned, 0.0)
     return found
 
 

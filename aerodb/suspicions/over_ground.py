@@ -17,7 +17,7 @@ from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.physics import DENSITY_0
 from aerodb.support import Array
-from aerodb.suspicions.evidence import ERRORS, LIKELIER
+from aerodb.suspicions.evidence import ERRORS
 
 #: Time [s] over which the wind is taken as steady, as reconstruction does.
 STEADY: Final = 300.0
@@ -128,7 +128,7 @@ def _turn(flight: Flight, rows: Rows) -> _Turn | None:
         return np.asarray(shown - x[2] * true)
 
     fit = least_squares(left, start)
-    ratio, residual = float(fit.x[2]), left(fit.x)
+    ratio, residual = float(fit.x[2]), np.asarray(fit.fun)
     heading = np.arctan2(east - fit.x[1], north - fit.x[0])
     sectors = np.unique(np.floor((heading + np.pi) / (2 * np.pi) * _SECTORS)).size
     if not (ratio > 0.0 and sectors >= COVERED * _SECTORS):
@@ -136,17 +136,8 @@ def _turn(flight: Flight, rows: Rows) -> _Turn | None:
     if float(np.sqrt(np.mean(residual**2))) > LEFT * float(np.mean(shown)):
         return None
     independent = len(residual) / samples_per_independent(residual)
-
-    def with_none(x: Array) -> Array:
-        return left(np.append(x, 1.0))
-
-    plain = np.asarray(least_squares(with_none, start[:2]).fun)
-    sums = [max(float(np.sum(each**2)), 1e-12) for each in (plain, residual)]
-    gain = 0.5 * independent * np.log(sums[0] / sums[1])
     slopes = np.asarray(fit.jac, dtype=np.float64)
     spread = float(np.linalg.pinv(slopes.T @ slopes)[2, 2])
     error = float(np.sqrt(spread * np.sum(residual**2) / independent))
-    if gain < LIKELIER:
-        ratio = 1.0
     times = flight.time[rows]
     return _Turn(float(times[0]), float(times[-1]), ratio, error)

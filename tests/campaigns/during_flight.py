@@ -8,8 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.conditioning import flag_unusable
-from aerodb.conditioning.failures import AIR
+from aerodb.conditioning import AIR, flag_unusable
 from aerodb.nomenclature import FLAGS
 from aerodb.signals import played
 from aerodb.vehicle import add_combinations

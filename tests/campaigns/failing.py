@@ -15,8 +15,7 @@ from pathlib import Path
 
 import numpy as np
 
-from aerodb.conditioning import flag_unusable
-from aerodb.conditioning.failures import AIR
+from aerodb.conditioning import AIR, flag_unusable
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS
 from aerodb.suspicions.failed import FAILED, failed_suspicions
