@@ -245,7 +245,7 @@ class FlightLedger(Ledger):
                 sa.select(c.sha256, c.name).where(c.sha256.in_(part))
                 for part in in_parts(set(hashes))
             ]
-            return {row.sha256: row.name for query in queries for row in connection.execute(query)}
+            return {name: file for q in queries for name, file in connection.execute(q).all()}
 
     def flight_labels(self, ids: Iterable[str]) -> dict[str, str]:
         """Return id -> name of the flight for people: its own, else the file of its log and the day
@@ -346,7 +346,7 @@ def _rows(connection: sa.Connection, where: sa.ColumnElement[bool]) -> list[Flig
     )
     found = connection.execute(query)
     keys = tuple(found.keys())
-    return [_flight(dict(zip(keys, row, strict=True))) for row in found]
+    return [_flight(dict(zip(keys, row, strict=True))) for row in found.all()]
 
 
 def _flight(values: dict[str, Any]) -> FlightRow:
