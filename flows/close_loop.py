@@ -93,6 +93,7 @@ def close_loop_flow(
     frozen = steps(
         freeze_library, plan, **where, effects=effects, expected=library, measured=measured or []
     )
+    accept.check(frozen)
     # The first round's normal equations are the bulk of the work, and do not depend on each other.
     steps.map(
         trace_flight,

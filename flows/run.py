@@ -20,7 +20,14 @@ from typing import Any, Final, Literal, Protocol, TypeVar
 
 from threadpoolctl import threadpool_limits
 
-from aerodb.errors import InputError, StoreBusyError, StoreError
+from aerodb.errors import (
+    CalculationError,
+    GateRefusal,
+    InputError,
+    StoreBusyError,
+    StoreError,
+    UnknownNameError,
+)
 from aerodb.flows.deadline import at_most
 from aerodb.flows.executors import Call, Executor, LocalExecutor, executor_of
 from aerodb.flows.prefect_environment import prefect_environment
@@ -29,7 +36,7 @@ from aerodb.storage.catalogue import Catalogue, RunState, UserRole
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import load_settings
-from aerodb.tasks.actors import require_role
+from aerodb.tasks.actors import require_role, user
 from aerodb.tasks.provenance import code_version
 from aerodb.units import UnitSystem, shown_in
 
@@ -217,10 +224,14 @@ def run_flow(
     workspace: Workspace,
     how: How = "auto",
     progress: Progress = silent,
+    *,
+    attended: bool = False,
 ) -> Any:
     """Run a flow body with `parameters`, record the run in the catalogue, and return the result.
 
     The body is called as ``body(steps, workspace=<folder as text>, run=<run id>, **parameters)``.
+    attended : a person waits for it and is told of its error at once; where it is their input that
+    was refused, the run leaves nothing to retry.
     """
     _check_text(parameters)
     _require_role(body, workspace)
@@ -228,10 +239,10 @@ def run_flow(
     if how == "auto" and not orchestrated:
         with prefect_environment(workspace.root) as way:  # its server starts beside what follows
             _freeze_imports()
-            return _run(body, parameters, workspace, way, progress)
+            return _run(body, parameters, workspace, way, progress, attended=attended)
     _freeze_imports()
     given: Way = "server" if orchestrated else "direct"
-    return _run(body, parameters, workspace, given, progress, orchestrated)
+    return _run(body, parameters, workspace, given, progress, orchestrated, attended)
 
 
 def _run(
@@ -241,6 +252,7 @@ def _run(
     way: Way,
     progress: Progress,
     orchestrated: str = "",
+    attended: bool = False,
 ) -> Any:
     given = {"workspace": str(workspace.root), **parameters}
 
@@ -255,7 +267,7 @@ def _run(
                     return body(PrefectSteps(progress, executor), run=run, **given)
             return _under_prefect(body, {"run": run, **given}, PrefectSteps(progress, executor))
 
-    return _recorded(body, call, parameters, workspace, way, orchestrated)
+    return _recorded(body, call, parameters, workspace, way, orchestrated, attended)
 
 
 def requires(role: UserRole) -> Callable[[Body], Body]:
@@ -298,6 +310,7 @@ def _recorded(
     workspace: Workspace,
     way: Way,
     id: str = "",
+    attended: bool = False,
 ) -> Any:
     """Record the start and the end of a run in the catalogue; the run holds its lock while it
     lasts."""
@@ -318,9 +331,17 @@ def _recorded(
                 StoreError
             ):  # the same disk, perhaps: a run whose lock is free and that has no end has crashed
                 catalogue.end_run(run, state, error=str(error) or type(error).__name__)
+                if attended and _refuses(error):
+                    catalogue.dismiss_run(run, "its input was refused", user=user())
             raise
         catalogue.end_run(run, "completed")
     return result
+
+
+def _refuses(error: BaseException) -> bool:
+    """Return whether a run ended because of what it was given: the same once more ends alike."""
+    refusal = isinstance(error, InputError | UnknownNameError | GateRefusal)
+    return refusal and not isinstance(error, CalculationError)
 
 
 def _present_flow_run() -> str:

@@ -150,10 +150,10 @@ def recalibrate(
             f"vehicle {owner}",
             "ingest one: aerodb flight ingest LOG --vehicle " + owner,
         )
-    span = {
-        "valid_from": _when(valid_from, "--valid-from"),
-        "valid_until": _when(valid_until, "--valid-until"),
-    }
+    since, until = _when(valid_from, "--valid-from"), _when(valid_until, "--valid-until")
+    if since and until and since >= until:
+        raise InputError("it ends before it begins", "--valid-until", "a date after --valid-from")
+    span = {"valid_from": since, "valid_until": until}
     parameters = {"vehicle": owner, "flights": chosen, "reason": reason, **span}
     former = Counter[str](catalogue.flight(flight).verdict for flight in chosen)
     document = session.run(recalibrate_flow, parameters, direct)

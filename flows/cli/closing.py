@@ -8,7 +8,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut, Select, Vehicle, Verbose
+from aerodb.flows.cli.references import Direct, Flights, HoldOut, Select, Vehicle, Verbose, held_out
 from aerodb.flows.cli.updates import (
     chosen_flights,
     say_axes,
@@ -98,7 +98,7 @@ def close_loop(
         "vehicle": vehicle,
         "baseline": row.id,
         "flights": chosen,
-        "hold_out": None if hold_out is None else ([] if hold_out == ["none"] else hold_out),
+        "hold_out": held_out(catalogue, vehicle, hold_out),
         "accept_lumped": accept_lumped,
         "accept_suspected": accept_suspected,
         "accept_ambiguous": accept_ambiguous,

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Vehicle
+from aerodb.flows.cli.references import Since, Until, Vehicle, stretch_of
 
 
 def frequency_response(
@@ -24,10 +24,8 @@ def frequency_response(
         list[int] | None, typer.Option(help="Factors of the denominator; default: a pair.")
     ] = None,
     delay: Annotated[bool, typer.Option(help="Whether there is a delay.")] = True,
-    since: Annotated[
-        float | None, typer.Option("--from", help="Start [s] from the flight's first sample.")
-    ] = None,
-    until: Annotated[float | None, typer.Option("--to", help="End [s].")] = None,
+    since: Since = None,
+    until: Until = None,
     lowest: Annotated[float | None, typer.Option(help="Lowest frequency [rad/s].")] = None,
     highest: Annotated[float | None, typer.Option(help="Highest frequency [rad/s].")] = None,
     vehicle: Vehicle = None,
@@ -51,8 +49,7 @@ def frequency_response(
             "zeros": zeros or [],
             "poles": poles or [2],
             "delay": delay,
-            "since": since,
-            "until": until,
+            **stretch_of(row, since, until),
             "lowest": lowest,
             "highest": highest,
         },

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Final
 import typer
 
 from aerodb.flows.cli.output import Session, plus_minus
-from aerodb.flows.cli.references import Vehicle
+from aerodb.flows.cli.references import Since, Until, Vehicle, stretch_of
 from aerodb.units import quantity
 
 #: Sizes of a wake that are printed, with their SI units.
@@ -20,10 +20,8 @@ def turbulence(
     context: typer.Context,
     flight: str,
     form: Annotated[str, typer.Option(help="dryden or von_karman.")] = "dryden",
-    since: Annotated[
-        float | None, typer.Option("--from", help="Start [s] from the flight's first sample.")
-    ] = None,
-    until: Annotated[float | None, typer.Option("--to", help="End [s].")] = None,
+    since: Since = None,
+    until: Until = None,
     highest: Annotated[float, typer.Option(help="Highest frequency [Hz].")] = 2.0,
     vehicle: Vehicle = None,
 ) -> None:
@@ -39,7 +37,7 @@ def turbulence(
     named = f"{row.vehicle}: {catalogue.flight_labels([row.id])[row.id]}"
     document = session.run(
         turbulence_flow,
-        {"flight": row.id, "form": form, "since": since, "until": until, "highest": highest},
+        {"flight": row.id, "form": form, **stretch_of(row, since, until), "highest": highest},
         direct=True,
     )
     told = [each for each in document["components"] if each["intensity"]["value"] is not None]
@@ -91,10 +89,8 @@ def turbulence(
 def wake(
     context: typer.Context,
     flights: list[str],
-    since: Annotated[
-        float | None, typer.Option("--from", help="Start [s] from the flight's first sample.")
-    ] = None,
-    until: Annotated[float | None, typer.Option("--to", help="End [s].")] = None,
+    since: Since = None,
+    until: Until = None,
     heading: Annotated[
         str | None, typer.Option(help='Of the aircraft that made the wake, such as "30 deg".')
     ] = None,
@@ -109,12 +105,13 @@ def wake(
 
     session: Session = context.obj
     catalogue = session.catalogue()
+    flown = [catalogue.flight(each, vehicle) for each in flights]
+    stretches = [stretch_of(row, since, until) for row in flown]
     document = session.run(
         wake_flow,
         {
-            "flights": [catalogue.flight(each, vehicle).id for each in flights],
-            "since": since,
-            "until": until,
+            "flights": [row.id for row in flown],
+            **stretches[0],
             "heading": None if heading is None else quantity(heading, "rad"),
         },
         direct=True,
@@ -132,10 +129,8 @@ def wake(
         ],
         next(
             (
-                _flown_through(
-                    "wake", _wake_as_stated(each["wake"]), catalogue.flight(label).vehicle
-                )
-                for label, each in zip(flights, document["encounters"], strict=True)
+                _flown_through("wake", _wake_as_stated(each["wake"]), row.vehicle)
+                for row, each in zip(flown, document["encounters"], strict=True)
                 if each["wake"] is not None
             ),
             "",

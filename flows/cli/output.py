@@ -73,9 +73,14 @@ def divided(step: str, room: int) -> list[str]:
 
 
 def complaint(what: str, where: str, remedy: str) -> str:
-    """Return an error message in two lines, where and what, then the remedy; one line without
-    remedy."""
-    lines = (f"aerodb: {where}: {what}" if where else f"aerodb: {what}", remedy)
+    """Return an error message: where and what in a line, then the remedy, which may be several.
+
+    >>> print(complaint("2 mistakes", "model file", "no axis\\nno terms"))
+    aerodb: model file: 2 mistakes
+    no axis
+    no terms
+    """
+    lines = (f"aerodb: {where}: {what}" if where else f"aerodb: {what}", *remedy.split("\n"))
     return "\n".join(visible(line) for line in lines if line)
 
 
@@ -361,9 +366,11 @@ class Session:
         if self.as_json:
             sys.stdout.write(as_json(document, indent=1) + "\n")
 
-    def run(self, body: Any, parameters: dict[str, Any], direct: bool) -> Any:
-        """Run a flow, with a progress bar for steps that take longer than two seconds; the reports
-        that it writes are in the units of this session."""
+    def run(
+        self, body: Any, parameters: dict[str, Any], direct: bool, attended: bool = True
+    ) -> Any:
+        """Run a flow (`run_flow`), with a progress bar for steps that take longer than two seconds;
+        the reports that it writes are in the units of this session."""
         from aerodb.flows.run import run_flow
         from aerodb.storage.workspace_settings import load_settings
         from aerodb.units import shown_in
@@ -372,7 +379,7 @@ class Session:
         how: How = "direct" if direct or load_settings(workspace.root).work.direct else "auto"
         waited_for = "starting" if how == "direct" else "starting Prefect (not with --direct)"
         with shown_in(self.units), _progress(waited_for) as report:
-            return run_flow(body, parameters, workspace, how, report)
+            return run_flow(body, parameters, workspace, how, report, attended=attended)
 
 
 def begin_server(context: typer.Context, direct: bool) -> bool:

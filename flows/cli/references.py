@@ -1,10 +1,14 @@
 """Options that commands share; `aerodb.tasks.references` says what those about versions mean."""
 
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from aerodb.errors import InputError
 from aerodb.flows.cli.output import begin_server
+
+if TYPE_CHECKING:
+    from aerodb.storage.catalogue import Catalogue, FlightRow
 
 Vehicle = Annotated[str | None, typer.Option(help="The vehicle; optional if there is only one.")]
 AsOf = Annotated[
@@ -27,6 +31,11 @@ HoldOut = Annotated[
         " default: the newest fifth."
     ),
 ]
+Since = Annotated[
+    float | None,
+    typer.Option("--from", min=0.0, help="Start [s] from the flight's first sample."),
+]
+Until = Annotated[float | None, typer.Option("--to", help="End [s].")]
 Select = Annotated[
     list[str] | None,
     typer.Option(
@@ -38,3 +47,24 @@ Verbose = Annotated[bool, typer.Option("--verbose", "-v", help="Also print the d
 MappingFile = Annotated[
     str | None, typer.Option(help="Name or file of a mapping; default: chosen by content.")
 ]
+
+
+def stretch_of(
+    row: "FlightRow", since: float | None, until: float | None
+) -> dict[str, float | None]:
+    """Return ``since`` and ``until`` [s] of a stretch of a flight; InputError where it has none."""
+    end = row.duration if until is None else min(until, row.duration)
+    if not (since or 0.0) < end:
+        raise InputError(
+            f"no sample from {since or 0.0:g} to {end:g} s",
+            f"flight {row.label}",
+            f"it lasts {row.duration:.1f} s: choose --from and --to within it",
+        )
+    return {"since": since, "until": until}
+
+
+def held_out(catalogue: "Catalogue", vehicle: str, flights: list[str] | None) -> list[str] | None:
+    """Return the ids of the flights of ``--hold-out``; None without it, which chooses them."""
+    if flights is None or flights == ["none"]:
+        return flights and []
+    return [catalogue.flight(ref, vehicle).id for ref in flights]

@@ -8,7 +8,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session, plus_minus
-from aerodb.flows.cli.references import Vehicle, Verbose
+from aerodb.flows.cli.references import Since, Until, Vehicle, Verbose, stretch_of
 
 #: Most checks that a line names.
 _NAMED: Final = 3
@@ -41,10 +41,8 @@ def fly(
     manoeuvre: Annotated[
         Path | None, typer.Option(help="A described manoeuvre as TOML, in place of a flight.")
     ] = None,
-    since: Annotated[
-        float | None, typer.Option("--from", help="Start [s] from the flight's first sample.")
-    ] = None,
-    until: Annotated[float | None, typer.Option("--to", help="End [s].")] = None,
+    since: Since = None,
+    until: Until = None,
     wind: Wind = "measured",
     stabilise: Stabilise = True,
     feedback: Annotated[
@@ -73,11 +71,11 @@ def fly(
     if manoeuvre is not None:
         _fly_manoeuvre(session, row, manoeuvre, stabilise, output)
         return
+    flown = catalogue.flight(str(flight), row.vehicle)
     parameters: dict[str, Any] = {
         "version": row.id,
-        "flight": catalogue.flight(str(flight), row.vehicle).id,
-        "since": since,
-        "until": until,
+        "flight": flown.id,
+        **stretch_of(flown, since, until),
         "wind": wind,
         "stabilise": stabilise,
         "feedback": dict(_gain(text) for text in feedback or []),

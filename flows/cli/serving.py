@@ -65,7 +65,7 @@ def nightly(
         )
         raise StoreBusyError(what, str(session.workspace().root), remedy)
     try:
-        document = session.run(nightly_flow, {"vehicle": vehicle}, direct)
+        document = session.run(nightly_flow, {"vehicle": vehicle}, direct, attended=False)
     finally:
         lock.release()
     for run in document["crashed"]:

@@ -9,7 +9,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.known_names import METHODS
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut, Select, Vehicle, Verbose
+from aerodb.flows.cli.references import Direct, Flights, HoldOut, Select, Vehicle, Verbose, held_out
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
@@ -79,13 +79,12 @@ def update(
         parse_model_file(text, str(model))
     row = catalogue.version(vehicle, baseline)
     chosen = chosen_flights(catalogue, vehicle, flights)
-    held = None if hold_out is None else ([] if hold_out == ["none"] else hold_out)
     parameters = {
         "vehicle": vehicle,
         "baseline": row.id,
         "flights": chosen,
         "model": text,
-        "hold_out": held,
+        "hold_out": held_out(catalogue, vehicle, hold_out),
         **({} if method is None else {"method": method}),
         **({"all_free": True} if all_free else {}),
         **({"select": list(checked_conditions(select))} if select else {}),

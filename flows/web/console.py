@@ -75,7 +75,8 @@ class Console:
     def run(self, body: Any, parameters: dict[str, Any]) -> Any:
         """Run a flow like the command line with ``--direct``: same steps, recorded in the
         catalogue."""
-        return run_flow(body, parameters, Workspace.open(self.root, create=False), "direct")
+        workspace = Workspace.open(self.root, create=False)
+        return run_flow(body, parameters, workspace, "direct", attended=True)
 
 
 def console_of(request: Request) -> Console:

@@ -40,6 +40,8 @@ def turbulence(
     """
     if form not in FORMS:
         raise InputError(f"unknown form '{form}'", "--form", " or ".join(FORMS))
+    if not highest > 0.0:
+        raise InputError(f"{highest:g} Hz", "--highest", "a frequency above zero")
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
     where = f"flight {row.label}"
