@@ -322,3 +322,52 @@ class Status(Answer):
     undelivered: list[Any]
     free_bytes: int
     todo: list[Any]
+
+
+class Derivative(Answer):
+    """A derivative of a linear model, or a parameter of a tail."""
+
+    name: str
+    value: float
+    standard_error: float
+
+
+class Converted(Answer):
+    """Derivatives that were converted, and what they say of the tails."""
+
+    derivatives: list[Derivative]
+    tails: list[Derivative]
+
+
+class OnlineParameter(Answer):
+    """A parameter while the log arrives; null where nothing is known yet."""
+
+    axis: str
+    parameter: str
+    value: float | None
+    standard_error: float | None
+    standing: str
+    reason: str
+
+
+class EstimatedOnline(Answer):
+    """Estimates at `time` [s] of the log, `behind` [s] its newest record; `lost` in bytes."""
+
+    time: float
+    samples: int
+    behind: float
+    lost: int
+    method: str
+    assumes: list[str]
+    notes: list[str]
+    parameters: list[OnlineParameter]
+
+
+class Demonstrated(Update):
+    """The closed loop of the demo, beside the errors that were hidden (`truth`)."""
+
+    truth: list[dict[str, Any]]
+    agreement: list[str]
+    truth_floor: dict[str, dict[str, float]]
+    truth_lags: list[dict[str, Any]]
+    responses: Validated | None

@@ -62,6 +62,19 @@ ANSWERS: Final[Mapping[str, Any]] = {
     "dismiss": upkeep.Dismissed,
     "user add": upkeep.AddedUser,
     "user list": list[upkeep.ListedUser],
+    "user token": upkeep.AddedUser,
+    "user remove": upkeep.RemovedUser,
+    "vehicle init": upkeep.DraftedVehicle,
+    "derivatives": results.Converted,
+    "estimate-online": results.EstimatedOnline,
+    "version design": versions.Designed,
+    "version back-out": versions.BackedOut,
+    "version tabulate": versions.Tabulated,
+    "nightly": upkeep.Night,
+    "demo": results.Demonstrated,
+    "store push": upkeep.Transfer,
+    "store pull": upkeep.Transfer,
+    "store trim": upkeep.Transfer,
 }
 
 

@@ -140,3 +140,61 @@ class Retried(Answer):
     kind: str
     outcome: str
     reason: str
+
+
+class DraftedVehicle(Answer):
+    """A vehicle file that was written; from a log also what the log states of the aircraft."""
+
+    file: str
+    airframe: str | None = None
+    surfaces: list[str] = []
+
+
+class RemovedUser(Answer):
+    """A user who was removed."""
+
+    user: str
+    removed: bool
+
+
+class Transfer(Answer):
+    """Files that were moved or removed, and the paths of those that could not be."""
+
+    files: int
+    bytes: int
+    left: list[str]
+
+
+class InboxFile(Answer):
+    """What became of a file of the inbox: its `kind` of ending, the flight and its verdict."""
+
+    file: str
+    vehicle: str
+    kind: str
+    flight: str | None
+    reason: str
+    verdict: str | None
+
+
+class NightlyLoop(Answer):
+    """Whether an update of a vehicle was due (`new` flights of `after`), and what it made."""
+
+    vehicle: str
+    way: str
+    due: bool
+    new: int
+    after: int
+    candidate: str | None
+    label: str | None
+    error: str
+
+
+class Night(Answer):
+    """A nightly run: the inbox, runs that had crashed, updates, messages and the cache."""
+
+    files: list[InboxFile]
+    waiting: list[dict[str, Any]]
+    crashed: list[dict[str, Any]]
+    loops: list[NightlyLoop]
+    undelivered: list[dict[str, Any]]
+    trimmed: dict[str, Any]

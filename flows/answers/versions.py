@@ -273,3 +273,82 @@ class Expanded(Answer):
     stopped_by: list[str]
     points: list[ExpandedPoint]
     known: list[dict[str, Any]]
+
+
+class ExpectedError(Answer):
+    """Standard error of a parameter before a manoeuvre (null: unknown) and after it."""
+
+    parameter: str
+    standard_error_before: float | None
+    standard_error_after: float
+
+
+class Designed(Answer):
+    """A manoeuvre that was designed: its file as text, what it tells, and what it reaches."""
+
+    version: str
+    manoeuvre: str
+    parameters: list[ExpectedError]
+    separated: dict[str, Any] | None
+    reached: dict[str, list[float]]
+    tried: int
+    within: int
+    feedback: dict[str, float]
+    alpha: float
+    notes: list[str]
+
+
+class BackedOutParameter(Answer):
+    """A parameter of the database from given derivatives; `at_bound` where it could not go on."""
+
+    name: str
+    start: float
+    value: float
+    standard_error: float
+    unit: str
+    at_bound: bool
+
+
+class MetDerivative(Answer):
+    """A derivative as given, and that of the version before and after."""
+
+    name: str
+    given: float
+    standard_error: float
+    before: float
+    after: float
+
+
+class BackedOut(Answer):
+    """Parameters with which a version meets given derivatives."""
+
+    version: str
+    parameters: list[BackedOutParameter]
+    covariance: list[list[float]]
+    derivatives: list[MetDerivative]
+    converged: bool
+
+
+class TableError(Answer):
+    """Error of an axis between breakpoints, the span of the axis, and where it is largest."""
+
+    largest: float
+    rms: float
+    span: float
+    at: dict[str, float]
+
+
+class Tabulated(Answer):
+    """A version of tables: breakpoints by input, inputs held, and the error by axis."""
+
+    version: str
+    label: str
+    parent: str
+    over: dict[str, list[float]]
+    held: dict[str, float]
+    rates: list[str]
+    kept: list[str]
+    tables: int
+    nodes: int
+    points: int
+    errors: dict[str, TableError]

@@ -14,7 +14,7 @@ from tests.aerodb.identification.test_fitted_modes import LATERAL, LONGITUDINAL,
 from tests.aerodb.identification.test_fitted_modes import flown as flown_states
 from tests.aerodb.simulation.test_modes import TABLE_1, TABLE_2
 from tests.support.build_up import TEXT
-from tests.support.command import aerodb, asked
+from tests.support.command import aerodb, asked, of_schema
 from tests.support.effect_flights import AREA, CHORD, SPAN, VEHICLE
 
 #: Gradient of the downwash at the tail of the build-up, and the tail's arm [m] and area share.
@@ -153,7 +153,8 @@ def derivative_file(folder: Path, flight: str, values: dict[str, float], error: 
 
 def backed_out(workspace: Path, file: str, *names: str) -> dict:
     parameters = [part for name in names for part in ("--parameter", name)]
-    return asked(workspace, "version", "back-out", "v0002", *AT, "--linear", file, *parameters)
+    given = ("v0002", *AT, "--linear", file, *parameters)
+    return of_schema("version back-out", asked(workspace, "version", "back-out", *given))
 
 
 def test_the_fit_finds_the_planted_slopes_and_equation_8_does_not(

@@ -19,7 +19,7 @@ from aerodb.flows.update import update_flow
 from aerodb.storage.catalogue.catalogue import Catalogue
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.release import judge_version
-from tests.support.command import aerodb
+from tests.support.command import aerodb, of_schema
 
 AERODB = Path(sys.executable).parent / "aerodb"
 
@@ -30,7 +30,7 @@ def phoenix(tmp_path_factory):
     workspace = tmp_path_factory.mktemp("phoenix")
     command = [str(AERODB), "--workspace", str(workspace), "--json", "demo", "--direct"]
     done = subprocess.run(command, capture_output=True, text=True, check=True)
-    return workspace, json.loads(done.stdout)
+    return workspace, of_schema("demo", json.loads(done.stdout))
 
 
 @pytest.fixture(scope="module")

@@ -22,7 +22,7 @@ from aerodb.storage.mappings import builtin_mappings
 from aerodb.storage.readers.ulog import read_ulog
 from aerodb.tables import ReferenceGeometry
 from aerodb.vehicle import parse_vehicle
-from tests.support.command import aerodb, asked
+from tests.support.command import aerodb, asked, of_schema
 from tests.support.glider_ulog import ULOG_VEHICLE, write_glider_ulog
 from tests.support.small_glider import AREA, CHORD, NAME
 
@@ -65,7 +65,7 @@ def equations(folder: Path):
 def _online(folder: Path, log: str, *options: str) -> dict:
     model = str(folder / "model.toml")
     given = ("--vehicle", NAME, "--model", model, "--log", log, *options)
-    return asked(folder / "w", "estimate-online", *given)
+    return of_schema("estimate-online", asked(folder / "w", "estimate-online", *given))
 
 
 _WRITER = """

@@ -3,13 +3,14 @@
 import os
 from pathlib import Path
 
-from tests.support.command import aerodb, asked
+from tests.support.command import aerodb, asked, of_schema
 
 
 def test_a_vtol_log_gives_a_file_that_can_be_added(measured, tmp_path: Path, monkeypatch) -> None:
     monkeypatch.chdir(tmp_path)
     log = str(measured("px4_ulog/sample_log_small.ulg"))
     filled = asked(tmp_path / "w", "vehicle", "init", "cub", "--from", log)
+    of_schema("vehicle init", filled)
     assert (filled["airframe"], filled["airspeeds"]["TRIM"]) == ("VTOL", 23.0)
     added = asked(tmp_path / "w", "vehicle", "add", filled["file"])
     assert len(added["placeholders"]) == 3

@@ -9,10 +9,12 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import jsonschema
 import pytest
 import typer
 from typer.testing import CliRunner
 
+from aerodb.flows.answers import schema_of
 from aerodb.flows.cli.main import app
 from tests.support.forking import run_forked
 from tests.support.paths import ROOT
@@ -21,7 +23,7 @@ _DIRECT = "--direct"
 
 
 @cache
-def _commands() -> Any:
+def commands() -> Any:
     """The tree of commands."""
     return typer.main.get_command(app)
 
@@ -30,7 +32,7 @@ def directly(arguments: tuple[str, ...]) -> list[str]:
     """The arguments with ``--direct`` where the command knows it: the start of Prefect's server
     costs five times the processor time of the flight. Guides are followed as they are typed, and
     what Prefect does is the subject of tests of its own."""
-    place = _commands()
+    place = commands()
     for number, word in enumerate(arguments):
         place = getattr(place, "commands", {}).get(word, place)
         if any(_DIRECT in option.opts for option in place.params) and _DIRECT not in arguments:
@@ -66,3 +68,11 @@ def asked(workspace: Path, *arguments: str) -> Any:
     result = CliRunner().invoke(app, given)
     assert result.exit_code == 0, (arguments, result.stderr, result.exception)
     return document(result.stdout)
+
+
+def of_schema(command: str, answer: Any) -> Any:
+    """The answer of a command; fails where it is not of the command's JSON Schema."""
+    schema = schema_of(command)
+    jsonschema.Draft202012Validator.check_schema(schema)
+    jsonschema.validate(answer, schema)
+    return answer

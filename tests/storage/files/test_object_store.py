@@ -23,7 +23,7 @@ from aerodb.storage.files.flights import INDEX
 from aerodb.storage.workspace import Workspace
 from aerodb.tasks.steps.compare import load_comparison
 from aerodb.tasks.workspace_access import access_workspace
-from tests.support.command import aerodb, asked
+from tests.support.command import aerodb, asked, of_schema
 from tests.support.end_to_end import environment
 from tests.support.forking import run_forked
 from tests.support.glider_runs import ingest_and_update, prepared, rows, stored, ways
@@ -178,9 +178,8 @@ def test_the_cache_is_kept_small_and_gives_up_nothing_that_is_not_put(
 ) -> None:
     workspace, url = kept
     places = [place for folder in STORE for place in (workspace.root / folder).glob("??/*")]
-    assert asked(workspace.root, "store", "trim") == {"files": 0, "bytes": 0, "left": []}, (
-        "no limit is set"
-    )
+    made_room = of_schema("store trim", asked(workspace.root, "store", "trim"))
+    assert made_room == {"files": 0, "bytes": 0, "left": []}, "no limit is set"
     before = time.time() - 86_400.0
     for place in places:
         os.utime(place / INDEX if place.is_dir() else place, (before, before))
@@ -293,11 +292,11 @@ def test_a_workspace_moves_into_an_object_store_and_out_again(
     workspace = Workspace.open(root)
     settings(root, url)
     assert set(kinds(checked(workspace))) == {"not put"}
-    put = asked(root, "store", "push")
+    put = of_schema("store push", asked(root, "store", "push"))
     assert put["files"] == len(service.names(url)) > 18
     assert checked(workspace, fetch=True).problems == []
     empty_cache(workspace)
-    assert asked(root, "store", "pull")["left"] == []
+    assert of_schema("store pull", asked(root, "store", "pull"))["left"] == []
     (root / "settings.toml").unlink()
     service.stop()
     try:
