@@ -187,23 +187,14 @@ def rejected(finding: Mapping[str, Any]) -> dict[str, str]:
     return {**finding.get("fallen", {}), **told}
 
 
-def reasons_in_units(
-    reasons: Sequence[str],
-    consistency: Mapping[str, Any] | None,
-    units: UnitSystem | None = None,
-) -> list[str]:
-    """The reasons of a flight's verdict, those of its consistency (its document) in display units.
+def reasons_in_units(judged: Mapping[str, Any], units: UnitSystem | None = None) -> list[str]:
+    """The reasons of a verdict in display units; as they were stored where only words were.
 
-    units : as `shown_units` says where none are given.
+    judged : the document of a flight or of its consistency. units : as `shown_units` says where
+    none are given.
     """
-    remarks = [from_document(each) for each in (consistency or {}).get("verdict_remarks", ())]
-    said = {
-        former: in_display_units(each, units).sentence
-        for each in remarks
-        for former in (each.sentence, each.text)  # flights of earlier releases have its text
-        if former
-    }
-    return [said.get(each, each) for each in reasons]
+    remarks = [from_document(each) for each in judged.get("verdict_remarks", ())]
+    return [in_display_units(each, units).sentence for each in remarks] or list(judged["reasons"])
 
 
 def in_display_units(remark: Remark, units: UnitSystem | None = None) -> Remark:

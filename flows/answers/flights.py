@@ -69,6 +69,7 @@ class Flight(Answer):
     mapping: str
     verdict: str
     reasons: list[str]
+    verdict_remarks: list[dict[str, Any]]
     retracted: str | None
 
 

@@ -30,7 +30,7 @@ def say_consistency(
     from aerodb.report import reasons_in_units
 
     session.say(f"{indent}consistency: {document['verdict']}")
-    for reason in reasons_in_units(document["reasons"], document, session.units):
+    for reason in reasons_in_units(document, session.units):
         session.say(f"{indent}  {reason}")
     for remark in document.get("remarks", []):
         session.say(f"{indent}  {remark}")

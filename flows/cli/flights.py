@@ -247,7 +247,7 @@ def _reasons(session: Session, document: dict[str, Any]) -> str:
     from aerodb.report import reasons_in_units
 
     retracted = document["retracted"]
-    said = reasons_in_units(document["reasons"], document["consistency"], session.units)
+    said = reasons_in_units(document, session.units)
     reasons = [retracted] if retracted else said
     reasons = reasons or [entry["sentence"] for entry in document["suspicions"]]
     if not reasons:

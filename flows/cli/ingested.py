@@ -217,7 +217,7 @@ def _why(outcome: Mapping[str, Any], units: "UnitSystem | None" = None) -> list[
     remarks = [from_document(each) for each in checked.get("verdict_remarks", [])]
     why += [each.sentence for each in remarks if each.kind == WIDE_LIMITS]
     if checked["verdict"] != "good":
-        why += reasons_in_units(checked["reasons"], checked, units)
+        why += reasons_in_units(checked, units)
     for step in ("coefficients", "comparison"):
         result = outcome[step]
         if result is not None and result["key"] is None:

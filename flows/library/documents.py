@@ -44,7 +44,7 @@ def _flight(document: Mapping[str, Any]) -> Summary:
 
     log, consistency = document["log"], document["consistency"]
     name = document["name"] or (log or {}).get("name") or document["flight"][:12]
-    reasons = reasons_in_units(document["reasons"], consistency)
+    reasons = reasons_in_units(document)
     reasons += [entry["sentence"] for entry in document["suspicions"]]
     used = [f"{each['label']} ({each['role'].replace('_', ' ')})" for each in document["versions"]]
     start = (document["start_utc"] or "at an unknown time")[:16].replace("T", " ")

@@ -178,7 +178,7 @@ def _engine() -> jinja2.Environment:
     engine.filters |= page.filters()
     engine.filters |= {
         "part": part,
-        "in_units_of": reasons_in_units,
+        "reasons_in_units": reasons_in_units,
         "shortened": shortened,
         "moment": moment,
         "step_words": step_words,

@@ -27,6 +27,7 @@ def flight_document(row: FlightRow) -> dict[str, Any]:
         "verdict": row.verdict,
         "reasons": list(row.reasons),
         "retracted": row.retract_reason or None,
+        "verdict_remarks": [remark.document() for remark in row.remarks],
     }
 
 

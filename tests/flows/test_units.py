@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 
 from aerodb.exchange import read_native
-from aerodb.remarks import MOVING_AIR, POSITION_AGAINST_VELOCITY, Remark
+from aerodb.remarks import MOVING_AIR, POSITION_AGAINST_VELOCITY, Remark, said
 from aerodb.report import reasons_in_units
 from aerodb.tables import height_outside_ground_effect, neutral_point
 from aerodb.tasks.references import value_of
@@ -73,22 +73,23 @@ def test_a_trim_in_knots_and_the_same_json(workspace: Path) -> None:
 
 
 def test_reasons_of_a_verdict_come_in_the_units_that_are_shown() -> None:
-    """Those of a flight that an earlier release stored as well, whose row has other words."""
+    """Those that an earlier release stored as words alone stay as they are."""
     gusts = {"V": (0.66, "m/s"), "alpha": (0.39, "m/s")}
     moving = Remark(MOVING_AIR, tuple(gusts), gusts, "the air moved: V 0.66")
     off = {"north": (1.0, "m/s"), "jump": (20.0, "m/s"), "limit": (0.8, "m/s")}
     jumping = Remark(POSITION_AGAINST_VELOCITY, ("north",), off)
-    consistency = {"verdict_remarks": [moving.document(), jumping.document()]}
-    stored = ["the air moved: V 0.66", moving.sentence, jumping.sentence, "damaged"]
+    remarks = [moving.document(), jumping.document(), said("damaged").document()]
+    stored = {"reasons": ["the air moved", "jumps", "damaged"], "verdict_remarks": remarks}
     advice = "use regression or filter error, not output error"
-    shown = reasons_in_units(stored, consistency, UnitSystem("aero"))
-    assert shown[:2] == [f"turbulence of 1.3 kt rms: {advice}"] * 2
-    assert "off by 1.9 kt rms" in shown[2]
-    assert shown[2].endswith("limit 1.56 kt")
-    assert shown[3] == "damaged"
-    si = reasons_in_units(stored, consistency)
-    assert si[:2] == [f"turbulence of 0.66 m/s rms: {advice}"] * 2
-    assert si[2] == jumping.sentence
+    shown = reasons_in_units(stored, UnitSystem("aero"))
+    assert shown[0] == f"turbulence of 1.3 kt rms: {advice}"
+    assert "off by 1.9 kt rms" in shown[1]
+    assert shown[1].endswith("limit 1.56 kt")
+    assert shown[2] == "damaged"
+    assert reasons_in_units(stored) == [moving.sentence, jumping.sentence, "damaged"]
+    assert moving.sentence == f"turbulence of 0.66 m/s rms: {advice}"
+    words = {"reasons": ["the air moved: V 0.66"], "verdict_remarks": []}
+    assert reasons_in_units(words, UnitSystem("aero")) == words["reasons"]
 
 
 def test_the_user_comes_before_the_settings_and_the_option_before_both(

@@ -9,6 +9,8 @@ import pytest
 from lxml import html
 from starlette.testclient import TestClient
 
+from aerodb.remarks import MOVING_AIR, Remark
+from aerodb.storage.catalogue.catalogue import Catalogue
 from tests.support.console_workspace import Made, client_of, made_workspace
 from tests.support.shared_workspace import SharedWorkspaces
 
@@ -93,3 +95,18 @@ def test_another_site_chooses_nothing_and_leads_nowhere(client: TestClient) -> N
         given = {"units": "si", "back": outside, "csrf": csrf}
         answer = client.post("/units", data=given, follow_redirects=False)
         assert answer.headers["location"] == "/"
+
+
+def test_the_lists_of_flights_say_why_in_the_chosen_units(client: TestClient, made: Made) -> None:
+    gusts = Remark(MOVING_AIR, ("V",), {"V": (5.0, "m/s")})
+    with Catalogue.open(made.workspace.catalogue) as catalogue:
+        catalogue.judge_flight(made.flight, "limited", [gusts])
+    assert choose(client, "aero") == 303
+    for path in ("/flights", f"/flights/{made.flight}"):
+        page = client.get(path).text
+        assert "urbulence of 9.7 kt rms" in page, path
+        assert "m/s rms" not in page, path
+    listed = client.get(f"/api/flights/{made.flight}").json()
+    assert listed["reasons"] == [gusts.sentence]
+    assert choose(client, "si") == 303
+    assert "urbulence of 5 m/s rms" in client.get("/flights").text
