@@ -18,8 +18,6 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Final, Literal, Protocol, TypeVar
 
-from threadpoolctl import threadpool_limits
-
 from aerodb.errors import (
     CalculationError,
     GateRefusal,
@@ -36,6 +34,7 @@ from aerodb.storage.catalogue import Catalogue, RunState, UserRole
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import load_settings
+from aerodb.support.parallel import one_blas_thread
 from aerodb.tasks.actors import require_role, user
 from aerodb.tasks.provenance import code_version
 from aerodb.units import UnitSystem, shown_in
@@ -76,7 +75,7 @@ class DirectSteps:
 
     def __call__(self, step: Callable[..., Any], *args: Any, **keywords: Any) -> Any:
         calls = LocalExecutor().calls(step, args[:1], *args[1:], **keywords)
-        with threadpool_limits(1, user_api="blas"):
+        with one_blas_thread():
             return self._reported(step, calls)[0]
 
     def map(
@@ -85,11 +84,11 @@ class DirectSteps:
         calls = self._executor.calls(step, items, *args, **keywords)
         workers = min(len(calls), os.cpu_count() or 1)
         if workers < 2:
-            with threadpool_limits(1, user_api="blas"):
+            with one_blas_thread():
                 return self._reported(step, calls)
         pool = ThreadPoolExecutor(workers)
         try:
-            with threadpool_limits(1, user_api="blas"):
+            with one_blas_thread():
                 return self._reported(step, [pool.submit(call).result for call in calls])
         finally:  # what has not begun when one fails, or the run is stopped, does not begin
             pool.shutdown(wait=isinstance(sys.exception(), Exception | None), cancel_futures=True)
@@ -145,7 +144,7 @@ class PrefectSteps:
         )(_run_call)
         results = []
         labels = labels_of_items(items, keywords, workspace)
-        with threadpool_limits(1, user_api="blas"):  # as in `DirectSteps`
+        with one_blas_thread():  # as in `DirectSteps`
             given = [_Opaque(call) for call in calls]
             futures = [
                 prefect_task.with_options(

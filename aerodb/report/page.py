@@ -80,6 +80,7 @@ def _engine() -> jinja2.Environment:
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
+        bytecode_cache=jinja2.FileSystemBytecodeCache(),  # in a folder of this user alone
     )
     engine.filters |= filters()
     engine.globals.update(colours=COLOURS, shown_units=shown_units)

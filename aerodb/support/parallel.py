@@ -4,15 +4,29 @@ BLAS is limited to one thread meanwhile: two threads per core would wait for eac
 """
 
 import os
+import sys
 from collections import deque
 from collections.abc import Callable, Iterable, Sequence
 from concurrent.futures import ThreadPoolExecutor, wait
+from contextlib import AbstractContextManager
+from functools import lru_cache
 from typing import TypeVar
 
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 Item = TypeVar("Item")
 Result = TypeVar("Result")
+
+
+def one_blas_thread() -> AbstractContextManager[object]:
+    """Limit BLAS to one thread within a ``with`` statement."""
+    return _blas(len(sys.modules)).limit(limits=1, user_api="blas")
+
+
+@lru_cache(maxsize=1)
+def _blas(_modules: int) -> ThreadpoolController:
+    """The BLAS libraries in memory, which take 6 ms to find; an import may add one."""
+    return ThreadpoolController()
 
 
 def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> list[Result]:
@@ -25,7 +39,7 @@ def in_threads(function: Callable[[Item], Result], items: Iterable[Item]) -> lis
     workers = min(len(todo), os.cpu_count() or 1)
     if workers < 2:
         return [function(item) for item in todo]
-    with threadpool_limits(1, user_api="blas"), ThreadPoolExecutor(workers) as pool:
+    with one_blas_thread(), ThreadPoolExecutor(workers) as pool:
         try:
             calls = pool.map(function, todo)
         except RuntimeError as error:  # "can't start new thread"

@@ -123,8 +123,8 @@ def breakpoints_over(name: str, database: AeroDatabase) -> list[Array]:
 def scattered_over(name: str, database: AeroDatabase) -> list[Array]:
     """Values of channel `name`, in its own unit, at the points of every table on scattered points
     that is called with it."""
-    found = []
-    for call in table_calls(database):
+    found: list[Array] = []
+    for call in table_calls(database) if database.scattered else ():
         if call.table in database.scattered:
             columns = database.scattered[call.table].points.T
             for argument, values in zip(call.arguments, columns, strict=True):
