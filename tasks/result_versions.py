@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 17,
     "update": 23,
     "gram": 20,
-    "close_loop": 61,
+    "close_loop": 62,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -5,7 +5,7 @@ sensor column computed from the measurement would explain any residual.
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -173,6 +173,19 @@ class FlightView:
         )
         about_cg = dict(zip(AXES, scaled.T, strict=True))
         return transfer_moments(about_cg, self.cg, self.reference.moment_reference, self.reference)
+
+    def as_measured(self) -> "FlightView":
+        """This view with the measured coefficients in place of the predicted ones, where there are
+        any.
+
+        For what an error of known size changes, to first order also where the model is wrong; such
+        columns are for no test, as they would explain any residual."""
+        measured = {
+            axis: np.where(np.isfinite(values), values, self.predicted[axis])
+            for axis, values in self.comparison.measured.items()
+            if axis in self.predicted
+        }
+        return replace(self, predicted={**self.predicted, **measured})
 
     @property
     def force(self) -> Array:

@@ -88,7 +88,7 @@ def _shares(
     sensors: Mapping[str, float],
 ) -> dict[str, Mapping[str, Array]]:
     """Return flight (id) -> axis -> what these sensors (id -> error, SI) add to the measured
-    coefficients (n,); a constant of the database hardly changes it.
+    coefficients (n,): of the loads as measured, so that what the database lacks is no part of it.
 
     Raises InputError where a flight lacks what is needed.
     """
@@ -97,7 +97,7 @@ def _shares(
     def one(flight: str) -> Mapping[str, Array]:
         share = dict[str, Array]()
         if found:
-            view = source.view(flight, database)
+            view = source.view(flight, database).as_measured()
             for hypothesis, value in found:
                 for axis, column in with_wind(view, hypothesis.columns(view)).items():
                     share[axis] = share.get(axis, 0.0) + value * column

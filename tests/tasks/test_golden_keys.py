@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (5, "f004506b563372c1", "9ddddc1b635ef5d7"),
     "compare": (17, "d3f0f7f7567f62f5", "75ab953bf9aaf46f"),
     "gram": (20, "cecd957ce4861561", "3a3f7f26d525276a"),
-    "close_loop": (61, "168c0d19ea01d222", "6ca54c06536d6ad2"),
+    "close_loop": (62, "16eae635b5b95dc9", "6ca54c06536d6ad2"),
     "fly": (5, "f26f51e28c416847", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (17, "1b71eb9de4260b25", "be09817f5df27dda"),

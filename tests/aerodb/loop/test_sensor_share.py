@@ -42,6 +42,38 @@ def test_an_accelerometer_that_is_off_leaves_nothing_on_any_axis() -> None:
     assert beside_sensors(wrong, ids, known, library, {}) is wrong
 
 
+def test_a_wrong_centre_of_gravity_leaves_nothing_where_the_lift_is_wrong_too() -> None:
+    """Its moment is that of the lift as it is, not as a database has it that lacks half of it."""
+    known, off = test_axis_models.database(1.0), 0.1  # m
+    lift = Increment(
+        "CZ",
+        (parse("alpha"),),
+        np.array([-3.0]),
+        np.array([[1e-4]]),
+        {"alpha": Interval(-0.5, 0.5, 0.1)},
+        ("one",),
+    )
+    flown = replace(known, increments=(lift,))
+    source = noisy_flights(range(60, 62), flown, np.random.default_rng(5), 0.0)
+    ids = tuple(source.flown)
+    library = freeze_library(source, ids, known)
+    (cg,) = (h for h in library.hypotheses if h.id == "cg_offset@all:x")
+    seen = {}
+    for id, (flight, made) in source.flown.items():
+        column = cg.columns(source.view(id, flown))["Cm"]
+        more = {**made.values, "Cm": made.values["Cm"] + off * column}
+        seen[id] = (flight, replace(made, values=more))
+    wrong = FlightsInMemory(source.vehicle, seen)
+    right = compared_with(beside_sensors(wrong, ids, known, library, {cg.id: off}), ids, known)
+    for id in ids:
+        before, after, truth = wrong.comparison(id, known), right[id], source.comparison(id, known)
+        usable = before.usable["Cm"] & truth.usable["Cm"]
+        added, left = (
+            np.std((each.residual("Cm") - truth.residual("Cm"))[usable]) for each in (before, after)
+        )
+        assert left <= 0.01 * added
+
+
 @pytest.mark.parametrize("axis", ["x", "z"])
 def test_what_is_missing_beside_a_wrong_centre_of_gravity_is_judged_without_it(axis: str) -> None:
     """The pitch damping lacks, and the centre of gravity is off: both are found, the damping enters
