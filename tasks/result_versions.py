@@ -15,8 +15,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 5,
     "estimate": 17,
-    "update": 23,
-    "gram": 20,
+    "update": 24,
+    "gram": 21,
     "close_loop": 62,
 }
 

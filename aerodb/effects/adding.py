@@ -12,7 +12,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from aerodb.effects.aerodynamic import PARAMETER
+from aerodb.effects.aerodynamic import PARAMETER, with_lagged, with_lags
 from aerodb.effects.flight_view import FlightView
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.errors import InputError
@@ -77,6 +77,7 @@ def add_effects(
         )
     by_axis = _by_axis(accepted)
     _check_states(accepted, database)
+    database = with_lags(database, accepted)
     increments = []
     for axis, members in by_axis.items():
         index = [number for number, _ in members]
@@ -106,6 +107,7 @@ def envelopes_of(
     Intervals are in the units of their variables.
     """
     envelopes = {}
+    views = [with_lagged(view, accepted) for view in views]
     if any(each.effect == PARAMETER for each in accepted):
         flown = [(view.channels, _used(view)) for view in views]
         envelopes[PARAMETER] = flown_envelope(database.flight_inputs, flown, database)

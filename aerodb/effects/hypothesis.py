@@ -55,6 +55,7 @@ class Hypothesis:
     needs : channels without which a flight cannot show it.
     source : literature or data.
     version : incremented when formula or tangent change.
+    limit : effect on the same axis that this is where it is small; it is a shape of that.
     known_by : what determined the believable range from these very flights, or empty; a sensor is
         never blamed beyond it.
     """
@@ -77,6 +78,7 @@ class Hypothesis:
     needs: tuple[str, ...] = ()
     source: str = ""
     version: int = 1
+    limit: str = ""
     known_by: str = ""
 
     @property
@@ -100,16 +102,27 @@ class Hypothesis:
 
     def has_shape(self, other: "Hypothesis") -> bool:
         """Return whether `other` is this effect with another shape: this one is linear in one
-        variable, and the other is not, or changes with alpha, Mach number or dynamic pressure.
+        variable, and the other is not, or changes with alpha, Mach number or dynamic pressure; or
+        this is the `limit` of the other.
 
         Where flights cannot tell the two apart, they are the same function there; whether the
         effect changes with the condition is tested between flights.
         """
         if not self._linear or not other.increment or self.written_on != other.written_on:
             return False
+        if other.limit:
+            return other.limit == self.effect
         own, others = set(self.drivers), set(other.drivers)
         return own <= others <= own | {"alpha", "mach", "qbar"} and (
             self.subject == other.subject or own == others
+        )
+
+    def is_size_of(self, other: "Hypothesis") -> bool:
+        """Return whether `other` is this effect with another of the numbers that it may have, such
+        as a lag: at most one of them is right."""
+        return bool(self.limit) and (self.effect, self.written_on) == (
+            other.effect,
+            other.written_on,
         )
 
     @cached_property
@@ -134,7 +147,7 @@ class Hypothesis:
         elif self.tangent is not None:
             derivatives = self.tangent(view)
         else:
-            derivatives = _evaluated(self.increment, view)
+            derivatives = evaluated(self.increment, view)
         return {axis: _finite(derivatives[axis]) for axis in self.axes if axis in view.usable}
 
 
@@ -147,8 +160,9 @@ def _finite(values: Array) -> Array:
     )
 
 
-def _evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) -> dict[str, Array]:
-    """Regressors on the body axes; those of the lift with the drag that they induce."""
+def evaluated(increment: tuple[tuple[str, Expression], ...], view: FlightView) -> dict[str, Array]:
+    """Return regressors on the body axes, axis -> (n,); those of the lift with the drag that they
+    induce."""
     n = len(view.time)
     total: dict[str, Array] = {}
     for axis, regressor in increment:

@@ -28,6 +28,7 @@ EFFECTS: Final[Mapping[str, str]] = {
     "pitch_rate_force": "slope of {axis} with pitch rate",
     "pitch_damping": "pitch damping of {axis}",
     "alpha_dot": "slope of {axis} with rate of angle of attack",
+    "lift_lag": "lag of {axis} behind angle of attack by {subject}",
     "roll_damping": "roll damping of {axis}",
     "yaw_damping": "yaw damping of {axis}",
     "cross_rate": "slope of {axis} with {subject}",

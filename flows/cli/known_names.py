@@ -19,7 +19,7 @@ DATABASES: Final = (
 #: `aerodb.effects.library`: of aerodynamics, then of sensors and vehicle data.
 EFFECTS: Final = (
     "zero_offset, alpha_slope, alpha_slope_break, lift_scale, beta_slope, beta_even, table_sign,"
-    " sideslip_coupling, pitch_rate_force, pitch_damping, alpha_dot, roll_damping, yaw_damping,"
+    " sideslip_coupling, pitch_rate_force, pitch_damping, alpha_dot, lift_lag, roll_damping, yaw_damping,"
     " cross_rate, control_effectiveness, control_nonlinearity, control_one_sided,"
     " control_alpha_coupling, surface_asymmetry, speed_brake, body_flap, flap, landing_gear,"
     " landing_gear_beta, ground_effect, stall_hysteresis, thrust_effect, mach_effect,"

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .lift_lag import with_lagged, with_lags
     from .lift_like import from_zero_lift, lift_curve, zero_lift_alpha
     from .model_parameter import PARAMETER
 

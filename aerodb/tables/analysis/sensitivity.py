@@ -41,14 +41,21 @@ def slopes_by(
     """Body axis -> dC/d`variable` (n,) along `channels`, by central differences; empty where the
     model does not depend on it.
 
-    Rates act through hat rates and literal factors alike; V acts through hat rates.
+    Rates act through hat rates and literal factors alike; V acts through hat rates. States whose
+    rate depends on the variable follow it: a slope is of steady states, as the error of a sensor
+    is.
 
     Raises InputError naming channels that are missing.
     """
     part = _dependent(database, variable)
     if part is None or variable not in channels:
         return {}
-    base = {name: values for name, values in channels.items() if not _made_of(name, variable)}
+    follow = _following(database, variable)
+    base = {
+        name: values
+        for name, values in channels.items()
+        if not (_made_of(name, variable) or name in follow)
+    }
     x = channels[variable]
     half = step_of(variable, x)
     above = part.predict({**base, variable: x + half}).coefficients
@@ -210,20 +217,28 @@ def _dependent(database: AeroDatabase, variable: str) -> AeroDatabase | None:
     themselves turn with it."""
     if database.on_wind_axes and variable in ("alpha", "beta"):
         return database
+    changed = {variable, *_following(database, variable)}
     terms = tuple(
         term
         for term in database.terms
-        if variable in uses(database, term.expression)
+        if changed & uses(database, term.expression)
         or (variable == "qbar" and term.axis in LOAD_AXES)
     )
     increments = tuple(
         item
         for item in database.increments
-        if variable in item.names
+        if changed & item.names
         or any(_made_of(name, variable) for name in item.names)
         or (item.axis == "C_lift" and database.depends_on_lift_increments)
     )
     return replace(database, terms=terms, increments=increments) if terms or increments else None
+
+
+def _following(database: AeroDatabase, variable: str) -> frozenset[str]:
+    """Names of the states whose rate depends on `variable`."""
+    return frozenset(
+        name for name, law in database.rates.items() if variable in uses(database, law.rate)
+    )
 
 
 def _made_of(hat: str, variable: str) -> bool:

@@ -170,7 +170,8 @@ def _fitting(
         gains = np.zeros(len(tests.flights))
         gains[before.included[:, rival]] = flight_gains(estimates, before, rival)
         no_more = twins[rival] or paired_p(gains, own) >= tests.settings.level
-        shaped = hypotheses[index].has_shape(hypotheses[rival])
+        own_kind = hypotheses[index].is_size_of(hypotheses[rival])
+        shaped = own_kind or hypotheses[index].has_shape(hypotheses[rival])
         alike = set(hypotheses[rival].drivers) <= set(hypotheses[index].drivers)
         if shaped and no_more and (alike or not _levels_prefer(tests, before, rival, index)):
             fallen[rival] = said("is another shape of the same effect, and explains no more")

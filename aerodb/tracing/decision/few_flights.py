@@ -44,8 +44,9 @@ LINEAR: Final = (
     ),
     "control_effectiveness",
 )
-#: Effects that are claimed only of many flights: a manoeuvre seldom deflects to both sides alike.
-_MANY: Final = frozenset({"control_one_sided"})
+#: Effects that are claimed only of many flights: a manoeuvre seldom deflects to both sides alike,
+#: and seldom pitches both slowly and quickly.
+_MANY: Final = frozenset({"control_one_sided", "lift_lag"})
 #: Part of a manoeuvre that its window must hold.
 _SHARE = 0.5
 #: Distance between two windows, in correlation times.

@@ -37,6 +37,7 @@ AERODYNAMIC = [
     "pitch_rate_force",
     "pitch_damping",
     "alpha_dot",
+    "lift_lag",
     "roll_damping",
     "yaw_damping",
     "cross_rate",

@@ -8,11 +8,13 @@ from importlib.resources import files
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
 from aerodb.coefficients.comparison import Comparison, compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.effects.adding import add_effects, envelopes_of
+from aerodb.effects.aerodynamic import with_lagged
 from aerodb.effects.flight_view import FlightView, view_of
 from aerodb.effects.hypothesis import Hypothesis
 from aerodb.effects.library import AERODYNAMIC, hypotheses_for
@@ -105,6 +107,18 @@ def _dihedral_that_is_even(c: Mapping[str, Array]) -> Array:
     return (1 - share) * low + share * high
 
 
+def _behind(c: Mapping[str, Array], chords: float) -> Array:
+    """How far the angle of attack of the lift is behind: its equation, solved numerically."""
+
+    def rate(time: float, lagged: Array) -> Array:
+        alpha, v = (np.interp(time, c["time"], c[name]) for name in ("alpha", "V"))
+        return np.asarray((alpha - lagged) * v / (chords * CHORD))
+
+    t, first = c["time"], c["alpha"][:1]
+    solved = solve_ivp(rate, t[[0, -1]], first, t_eval=t, max_step=0.02, rtol=1e-8, atol=1e-10)
+    return np.asarray(solved.y[0] - c["alpha"])
+
+
 def _from_zero_lift(c: Mapping[str, Array], wind: bool) -> Array:
     """Alpha less the angle at which the table `lift` (and with it, on body axes, a little axial
     force) gives no lift."""
@@ -138,6 +152,7 @@ FORMULAS: dict[str, Callable[[Mapping[str, Array], str, str], Array]] = {
     "pitch_rate_force": lambda c, s, a: c["q"] * CHORD / (2 * c["V"]),
     "pitch_damping": lambda c, s, a: c["q"] * CHORD / (2 * c["V"]),
     "alpha_dot": lambda c, s, a: c["alphadot"] * CHORD / (2 * c["V"]),
+    "lift_lag": lambda c, s, a: _behind(c, float(s.partition("_")[0])),
     "roll_damping": lambda c, s, a: c["p"] * SPAN / (2 * c["V"]),
     "yaw_damping": lambda c, s, a: c["r"] * SPAN / (2 * c["V"]),
     "cross_rate": lambda c, s, a: c[s] * SPAN / (2 * c["V"]),
@@ -162,8 +177,9 @@ FORMULAS: dict[str, Callable[[Mapping[str, Array], str, str], Array]] = {
     "mach_effect": lambda c, s, a: c["lifting"] * c["mach"] ** 2,
     "dynamic_pressure_effect": lambda c, s, a: c["lifting"] * c["qbar"],
 }
-#: Effects on lift: their angle of zero lift is rounded to 1e-4 rad, their curve kept to .1 %.
-OF_LIFT = ("ground_effect", "lift_scale", "mach_effect", "dynamic_pressure_effect")
+#: Effects on lift: their angle of zero lift is rounded to 1e-4 rad, their curve kept to .1 %, and
+#: their lag is that of the mean airspeed of two samples.
+OF_LIFT = ("lift_lag", "ground_effect", "lift_scale", "mach_effect", "dynamic_pressure_effect")
 BODY_OF = {"C_drag": "CX", "C_side": "CY", "C_lift": "CZ"}
 
 
@@ -224,7 +240,8 @@ def _estimate(
 @pytest.mark.parametrize(("wind", "name"), _cases())
 def test_column_is_the_formula_and_its_size_is_recovered(wind: bool, name: str) -> None:
     view, hypothesis = _case(wind, name)
-    channels = {**view.channels, "lifting": _from_zero_lift(view.channels, wind)}
+    lifting = _from_zero_lift(view.channels, wind)
+    channels = {**view.channels, "time": view.time, "lifting": lifting}
     channels["curve"] = (1 if wind else -1) * (_lift_table(view.channels["alpha"]) - 0.4)
     columns, expected = hypothesis.columns(view), _expected(hypothesis, channels)
     assert (
@@ -270,7 +287,8 @@ def test_what_is_added_is_the_column_times_the_value_inside_the_envelope(aircraf
         covariance = np.array([[(0.01 * value[0]) ** 2]])
         envelopes = envelopes_of([hypothesis], [view], database)
         candidate = add_effects(database, [hypothesis], value, covariance, envelopes, [view.flight])
-        after, columns = evaluate_database(candidate, view.channels), hypothesis.columns(view)
+        channels = with_lagged(view, [hypothesis]).channels
+        after, columns = evaluate_database(candidate, channels), hypothesis.columns(view)
         for axis in AXES:
             share = value[0] * columns[axis] if axis in columns else 0.0
             assert np.allclose(
