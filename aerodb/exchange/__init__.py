@@ -22,8 +22,8 @@ takes an AeroDatabase and returns the content of a file. No function here opens 
 expressions and texts; `database_content_sha256` covers its numbers only.
 
 Formats without increments or state models receive plain terms: `increment_terms` writes increments
-as terms, `without_states` (`state_terms`) and `states_for_jsbsim` (`jsbsim`) replace state models.
-`increment_notes` decodes the notes of documents that earlier releases stored; `native_schema`
+as terms, `without_states` (`state_terms`) and `states_for_jsbsim` (`jsbsim`) replace state models;
+`settled_states` says which. `increment_notes` decodes the notes of documents that earlier releases stored; `native_schema`
 declares the keys of the TOML file and of the stored document.
 """
 
@@ -84,6 +84,6 @@ if TYPE_CHECKING:
         to_document,
     )
     from .reference_pressure import over_dynamic_pressure
-    from .state_terms import without_states
+    from .state_terms import settled_states, without_states
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

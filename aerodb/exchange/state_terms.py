@@ -70,6 +70,17 @@ def without_states(database: AeroDatabase) -> AeroDatabase:
     return replace(flat, states=())
 
 
+def settled_states(whole: AeroDatabase, carried: AeroDatabase) -> tuple[str, ...]:
+    """Return a sentence for each state of a database that lost its course along a flight in what a
+    format carries of it."""
+    kept = {state.name for state in carried.states}
+    return tuple(
+        f"{state.name} is written as its steady value: this format cannot hold its course"
+        for state in whole.states
+        if not (isinstance(state.law, Relay) or state.exact_steady or state.name in kept)
+    )
+
+
 def _steady_of_rate(database: AeroDatabase, name: str, law: Rate) -> Expression:
     """The value at which a rate is zero, of one that is linear in its state: a/(a - b), of its
     values a and b at 0 and 1."""

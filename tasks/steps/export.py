@@ -38,6 +38,7 @@ from aerodb.exchange import (
     project_motors,
     project_sitl,
     read_motors,
+    settled_states,
     states_for_jsbsim,
     without_states,
 )
@@ -166,8 +167,8 @@ def export_version(
     into: Path | None = None,
 ) -> dict[str, Any]:
     """Write a version to `output`; document: version, label, format, file, bytes, check_cases,
-    checked, differences (axis -> largest), notes (sentences on Gazebo's motors), and for JSBSim
-    mass (kg, cg, inertia, source; None if not known) and into.
+    checked, differences (axis -> largest), notes (sentences on Gazebo's motors, and on states that
+    the format lacks), and for JSBSim mass (kg, cg, inertia, source; None if not known) and into.
 
     into : a JSBSim aircraft file whose aerodynamics are replaced in what is written; `output` None:
     beside it, with the version's label in its name. `into` in the document: the file, lost (what
@@ -187,9 +188,8 @@ def export_version(
         output = into.with_name(f"{into.stem}-{version.label}{into.suffix}")
     form = FORMS[format]
     archive = _ARCHIVES.get((format, output.suffix.lower()))
-    database = form.carried(
-        from_document(json.loads(catalogue.version_documents(version.id).content))
-    )
+    whole = from_document(json.loads(catalogue.version_documents(version.id).content))
+    database = form.carried(whole)
     held: dict[str, float] = {}
     notes: tuple[str, ...] = ()
     name = f"{version.vehicle}-{version.label}"
@@ -229,7 +229,7 @@ def export_version(
         "check_cases": len(cases),
         "checked": " ".join(filter(None, (f"read back, {len(cases)} check cases pass", received))),
         "differences": held,
-        "notes": list(notes),
+        "notes": [*notes, *settled_states(whole, database)],
     }
     if format == "jsbsim":
         document["mass"] = None if mass is None else asdict(mass)
