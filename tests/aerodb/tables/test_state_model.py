@@ -18,7 +18,7 @@ from aerodb.exchange.jsbsim.export import export_jsbsim
 from aerodb.exchange.jsbsim.reader import import_jsbsim
 from aerodb.exchange.jsbsim.relays import states_for_jsbsim
 from aerodb.exchange.native import database_content_sha256, from_document, read_native, to_document
-from aerodb.exchange.state_terms import without_states
+from aerodb.exchange.state_terms import settled_states, without_states
 from aerodb.flight import Flight
 from aerodb.support.identity import canonical_json
 from aerodb.tables.analysis.check_cases import failed_check_cases, make_check_cases
@@ -330,6 +330,8 @@ def test_exported_as_what_it_settles_at(law):
     flat = without_states(made)
     note = flat.variables["settled_flow_attachment"].description
     assert ("not in this file" in note) == (law.relaxation > 0.0)
+    assert bool(settled_states(made, flat)) == (law.relaxation > 0.0)
+    assert settled_states(made, made) == ()
     rng = np.random.default_rng(3)
     points = {
         "alpha": rng.uniform(0, 0.4, 50),
