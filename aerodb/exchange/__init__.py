@@ -23,8 +23,8 @@ expressions and texts; `database_content_sha256` covers its numbers only.
 
 Formats without increments or state models receive plain terms: `increment_terms` writes increments
 as terms, `without_states` (`state_terms`) and `states_for_jsbsim` (`jsbsim`) replace state models;
-`settled_states` says which. `increment_notes` decodes the notes of documents that earlier releases stored; `native_schema`
-declares the keys of the TOML file and of the stored document.
+`settled_states` says which. `increment_notes` decodes the notes of documents that earlier releases
+stored; `native_schema` declares the keys of the TOML file and of the stored document.
 """
 
 from typing import TYPE_CHECKING
