@@ -34,7 +34,7 @@ from aerodb.storage.catalogue import Catalogue, RunState, UserRole
 from aerodb.storage.locks import holding
 from aerodb.storage.workspace import Workspace
 from aerodb.storage.workspace_settings import load_settings
-from aerodb.support.parallel import one_blas_thread
+from aerodb.support import one_blas_thread
 from aerodb.tasks.actors import require_role, user
 from aerodb.tasks.provenance import code_version
 from aerodb.units import UnitSystem, shown_in

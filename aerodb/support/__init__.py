@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from .identity import canonical_json, content_sha256, key_of, result_key, version_id
     from .mat5 import MOST_EXPANSION, Malformed, MatClass, MatElements, MatHeader, is_mat5
     from .operating_system import require_supported_system
-    from .parallel import Threads, in_threads
+    from .parallel import Threads, in_threads, one_blas_thread
     from .strict import Strict, validated, validated_toml
     from .toml import parsed_toml
 

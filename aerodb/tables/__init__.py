@@ -127,6 +127,7 @@ if TYPE_CHECKING:
         wind_to_body,
     )
     from .scattered import ScatteredTable
+    from .state_kernel import relaxed
     from .state_model import LAWS, Kirchhoff, Law, Relay, StateModel, slow_rate
     from .table import EXTRAPOLATIONS, Table
     from .total import TotalCoefficients, total_coefficients

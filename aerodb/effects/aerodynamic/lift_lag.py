@@ -48,7 +48,7 @@ def regressor(lag: int) -> str:
 def lagged(view: FlightView, lag: int) -> Array:
     """The angle of attack (n,) [rad] that the lift follows, steady at the first sample; lag
     [chords]."""
-    from aerodb.tables.state_kernel import relaxed  # loads the compiler
+    from aerodb.tables import relaxed  # loads the compiler
 
     return relaxed(
         view.time, view["alpha"], lag * view.reference.chord / np.maximum(view["V"], _STANDING)
