@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     )
     from .error_table import error_rows, excluded_sizes, shown_axes
     from .estimates_page import estimates_report
-    from .findings import meaning
+    from .findings import finding_sentence, meaning
     from .fit_report import fit_report
     from .flight_page import FlightStory, flight_report
     from .gate_lines import (

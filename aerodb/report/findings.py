@@ -80,7 +80,7 @@ def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any
         "shown_ci95": None if ci95 is None else [factor * end for end in ci95],
         "shown_unit": unit,
         "effect_words": effect_words(finding),
-        "says": _says(finding, labels),
+        "says": finding_sentence(finding, labels),
         "shown_error": None if ci95 is None else factor * (ci95[1] - ci95[0]) / 2.0,
         "mean": _mean_test(finding, factor),
         "rivals": list(finding["explanation_set"][1:]),
@@ -91,10 +91,10 @@ def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any
     }
 
 
-def _says(finding: Mapping[str, Any], labels: Mapping[str, str]) -> str:
-    """Return what a finding says, without its numbers.
+def finding_sentence(finding: Mapping[str, Any], labels: Mapping[str, str]) -> str:
+    """Return what a finding says, without its numbers: it is estimated once more after it was said.
 
-    Documents of earlier releases hold the whole sentence alone.
+    labels : names of flights. Documents of earlier releases hold the whole sentence alone.
     """
     without = (finding["what"], *finding["reasons"]) if "what" in finding else [finding["because"]]
     return sentence_of("; ".join(without), labels)

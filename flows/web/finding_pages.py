@@ -18,7 +18,7 @@ from aerodb.flows.web.console import (
     report,
 )
 from aerodb.flows.web.models import Finding, answers
-from aerodb.report import decision, error_rows, meaning
+from aerodb.report import decision, error_rows, finding_sentence, meaning
 from aerodb.tasks.steps import options_of_result, with_gate
 from aerodb.tasks.view import finding_document, findings_page, labels_of, reference_of
 
@@ -71,6 +71,7 @@ def finding_page(request: Request, reference: str, vehicle: Vehicle = None) -> R
         errors=error_rows(document),
         labels=labels,
         reference=meant,
+        says=[finding_sentence(finding, labels) for finding in document["findings"]],
         meanings=[meaning(finding, document) for finding in document["findings"]],
     )
 

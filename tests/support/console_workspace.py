@@ -178,7 +178,9 @@ def add_loop(workspace: Workspace, made: Made) -> str:
         "votes": [vote, vote],
         "explanation_set": [f"alpha_slope@{HOSTILE}", "alpha_scale@all"],
         "fallen": {"beta_slope@CY": f"explains less {HOSTILE}"},
-        "because": f"force that grows with alpha {HOSTILE}",
+        "because": f"force that grows with alpha: CZ_alpha = -0.26, {HOSTILE}",
+        "what": f"force that grows with alpha {HOSTILE}",
+        "reasons": [f"no other effect explains it {HOSTILE}"],
     }
     missed = {
         "hypothesis": "beta_slope@CY",

@@ -110,3 +110,23 @@ def test_the_lists_of_flights_say_why_in_the_chosen_units(client: TestClient, ma
     assert listed["reasons"] == [gusts.sentence]
     assert choose(client, "si") == 303
     assert "urbulence of 5 m/s rms" in client.get("/flights").text
+
+
+def test_lists_begin_with_what_the_names_point_to(client: TestClient) -> None:
+    for path, said in (("/versions", "v0002 is candidate, v0001 is released"),
+                       ("/history", "candidate points to v0002 since")):  # fmt: skip
+        page = html.fromstring(client.get(path).text)
+        (lead,) = page.xpath("//p[@class='lead']")
+        assert said in lead.text_content()
+
+
+def test_a_finding_states_its_estimate_once(client: TestClient) -> None:
+    """Its sentence has none: that of the round in which it was found is not the last."""
+    listed = client.get("/findings").text
+    found = re.findall(r'href="/findings/([0-9a-f]+)"', listed)
+    documents = {key: client.get(f"/api/findings/{key}").json() for key in found}
+    (key,) = [key for key, document in documents.items() if document["findings"]]
+    assert "CZ_alpha = -0.26" in documents[key]["findings"][0]["because"]
+    page = client.get(f"/findings/{key}").text
+    assert "Force that grows with alpha" in page
+    assert "0.26" not in page
