@@ -18,7 +18,7 @@ from aerodb.report.levels import followed
 from aerodb.report.next_command import next_steps
 from aerodb.report.numbers import for_people, number
 from aerodb.report.terms import as_constant, term_name
-from aerodb.support import half_interval
+from aerodb.support import counted, half_interval
 from aerodb.tracing import ADDED
 from aerodb.units import UnitSystem
 
@@ -69,7 +69,7 @@ def decision(
         ("left", [_left(document)]),
     ]
     return Decision(
-        f"{document['vehicle']}: {_verdict(document)} ({_count(flights, 'flight')})",
+        f"{document['vehicle']}: {_verdict(document)} ({counted(flights, 'flight')})",
         tuple((label, tuple(texts)) for label, texts in lines if any(texts)),
     )
 
@@ -82,12 +82,12 @@ def _verdict(document: Mapping[str, Any]) -> str:
             ready = ""  # nobody asked
         if "library" not in document:
             if parameters := document.get("parameters", ()):
-                count = _count(len(parameters), "parameter")
+                count = counted(len(parameters), "parameter")
                 return f"{document['label']} has {count} from flight{ready}"
             axes = listed([entry["axis"] for entry in document["increments"]])
             return f"{document['label']} has increments on {axes}{ready}"
         sure = sum(finding["verdict"] in ADDED for finding in _added(document))
-        count = _count(len(document["added"]), "change" if sure else "unconfirmed change")
+        count = counted(len(document["added"]), "change" if sure else "unconfirmed change")
         if 0 < sure < len(document["added"]):
             count += f", {sure} confirmed"
         return f"{document['label']} has {count}{ready}"
@@ -113,9 +113,9 @@ def _nothing_added(document: Mapping[str, Any]) -> str:
     proved = [entry for entry in findings if entry["verdict"] in ADDED]
     sensors = [entry for entry in findings if entry["verdict"] == "sensor"]
     others = len(findings) - len(proved) - len(sensors)
-    clauses = [_count(others, "suspicion")] if others else []
+    clauses = [counted(others, "suspicion")] if others else []
     if sensors:
-        clauses.insert(0, _count(len(sensors), "error") + " of sensors")
+        clauses.insert(0, counted(len(sensors), "error") + " of sensors")
     if proved:
         idle = all(each["hypothesis"] in document.get("without_gain", ()) for each in proved)
         why = ", as other flights gain nothing from it" if idle else ""
@@ -124,10 +124,6 @@ def _nothing_added(document: Mapping[str, Any]) -> str:
     if not others:
         return "the database stays; the errors found are in the sensors"
     return f"nothing is proved yet; {'; '.join(clauses)}"
-
-
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"
 
 
 def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -> list[str]:
@@ -240,7 +236,7 @@ def _proof(document: Mapping[str, Any]) -> str:
     best, worse = gained
     held = len(document["flights"]["held_out"])
     where = (
-        f"on {_count(held, 'flight')} not used"
+        f"on {counted(held, 'flight')} not used"
         if held
         else "on parts not used"
         if by_parts(document)

@@ -24,7 +24,7 @@ from aerodb.report.style import (
     plain_panel,
 )
 from aerodb.report.terms import correlation_rows, derivative_unit
-from aerodb.support import Array
+from aerodb.support import Array, counted
 
 #: How the parameter of a state's process noise begins.
 _PROCESS_NOISE: Final = "process_noise_"
@@ -108,7 +108,7 @@ def _title(document: Mapping[str, Any]) -> str:
     count = len(document.get("flights", ()))
     if not count:
         return "Estimates"
-    return f"Estimates from {count} flight{'' if count == 1 else 's'}"
+    return f"Estimates from {counted(count, 'flight')}"
 
 
 def _unit(parameter: str, unit: str) -> tuple[float, str]:
@@ -141,7 +141,7 @@ def _stayed(document: Mapping[str, Any]) -> str:
             f" {worst['parameter']} ({number(worst['spread'], 2)} standard errors)"
         )
     clauses += [
-        f"{method}: {count} parameter{'' if count == 1 else 's'} {standing}"
+        f"{method}: {counted(count, 'parameter')} {standing}"
         for (method, standing), count in Counter(other).items()
     ]
     return f"Left: {'; '.join(clauses)}." if clauses else "Nothing is left."

@@ -12,6 +12,7 @@ from typing import Any, Final
 from aerodb.report.decision import decision
 from aerodb.report.glossary import listed
 from aerodb.report.terms import term_unit
+from aerodb.support import counted
 from aerodb.units import UnitSystem
 
 #: Most changes and open points that a line names.
@@ -55,7 +56,7 @@ def count_passed(checks: Sequence[Mapping[str, Any]]) -> str:
     '1 of 2 checks pass; fails signs'
     """
     failed = [check["label"] for check in checks if not check["passed"]]
-    count = f"{len(checks) - len(failed)} of {len(checks)} check{'' if len(checks) == 1 else 's'}"
+    count = f"{len(checks) - len(failed)} of {counted(len(checks), 'check')}"
     return f"{count} pass" + (f"; fails {listed(failed)}" if failed else "")
 
 

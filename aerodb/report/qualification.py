@@ -198,15 +198,19 @@ def feedback_words(summary: Mapping[str, Any]) -> list[str]:
     known = summary.get("feedback")
     if not known:
         return []
-    moved = _TRADE.shown(known["correction"], "rad", 2)
-    words = [
-        f"Feedback was closed in {summary['stabilised']} of {summary['manoeuvres']} manoeuvres;"
-        f" it moved a control by up to {moved}."
-    ]
+    flown, correction = (summary["stabilised"], summary["manoeuvres"]), known["correction"]
+    words = [f"Feedback was {closed_words(*flown, 'manoeuvres', correction, _TRADE)}."]
     alone = f"Open loop, {known['passed']} of {known['checks']} checks are within tolerance"
     if known["doubling_time"] is not None:
         alone += f": the fastest motion doubles in {known['doubling_time']:.2f} s"
     return [*words, f"{alone}."]
+
+
+def closed_words(closed: int, flown: int, what: str, correction: float, units: UnitSystem) -> str:
+    """Return in how many of what was flown feedback was closed, and by how much [rad] it moved a
+    control."""
+    moved = units.shown(correction, "rad", 2)
+    return f"closed in {closed} of {flown} {what}; it moved a control by up to {moved}"
 
 
 def _in_order(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:

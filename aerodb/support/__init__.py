@@ -11,6 +11,7 @@
 - `standard_errors` and `likelihood_gain` of a rate of false alarms (`CLAIM`, `DIFFERENCE`, `HINT`);
   `half_interval` of what people read; `false_alarms`.
 - `require_supported_system`: an error in words on systems that are not Linux (`operating_system`).
+- `counted`: a number of things in words (`words`).
 - `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
 """
 
@@ -47,5 +48,6 @@ if TYPE_CHECKING:
     from .parallel import Threads, in_threads, one_blas_thread
     from .strict import Strict, validated, validated_toml
     from .toml import parsed_toml
+    from .words import counted
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -8,6 +8,7 @@ import typer
 
 from aerodb.errors import InputError, Question
 from aerodb.flows.cli.output import Session, visible
+from aerodb.support import counted
 
 #: Words that stand for what only the user knows.
 _BLANKS = ("FACTOR", "EXPRESSION", "NUMBER")
@@ -21,7 +22,7 @@ def can_ask(session: Session) -> bool:
 def ask(questions: Sequence[Question]) -> dict[str, str]:
     """Ask every question; returns input -> the expression that it is bound to."""
     typer.echo(
-        f"{len(questions)} input{'' if len(questions) == 1 else 's'} of the file must be bound;"
+        f"{counted(len(questions), 'input')} of the file must be bound;"
         " Enter takes what is in brackets, Ctrl-C imports nothing.",
         err=True,
     )

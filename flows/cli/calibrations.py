@@ -14,6 +14,7 @@ from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.ingested import say_flights
 from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Direct, Vehicle, Verbose
+from aerodb.support import counted
 
 if TYPE_CHECKING:
     from aerodb.storage.catalogue import CalibrationRow
@@ -61,7 +62,7 @@ def list_calibrations(context: typer.Context, vehicle: Vehicle = None) -> None:
         return
     newest = rows[-1]
     session.headlines(
-        f"{owner}: {len(rows)} calibration{'s' * (len(rows) > 1)}; the newest is {newest.label}",
+        f"{owner}: {counted(len(rows), 'calibration')}; the newest is {newest.label}",
         [("corrects", _corrects(newest, len(bound[newest.id])))],
         f"aerodb calibration show {newest.label} --vehicle {owner}",
     )
@@ -220,8 +221,8 @@ def _say_calibration(
 
 def _corrects(row: "CalibrationRow", flights: int) -> str:
     """Return how many errors a calibration corrects, and on how many flights."""
-    count = len(row.content["order"])
-    return f"{count} error{'s' * (count != 1)} of sensors on {flights} flight{'s' * (flights != 1)}"
+    errors = counted(len(row.content["order"]), "error")
+    return f"{errors} of sensors on {counted(flights, 'flight')}"
 
 
 def _known_best(parameters: Mapping[str, Mapping[str, float]], units: "UnitSystem") -> str:

@@ -25,6 +25,7 @@ from aerodb.flows.cli.output import Session, visible
 from aerodb.flows.cli.references import Direct, MappingFile, OfFlight, Verbose
 from aerodb.flows.cli.vehicles import say_placeholders
 from aerodb.remarks import NEVER_AIRBORNE
+from aerodb.support import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -120,7 +121,7 @@ def list_flights(
     then = f"show {rows[-1].id[:12]}" if rows else "ingest LOG --vehicle NAME"
     verdicts = Counter(row.verdict for row in rows)
     counts = ", ".join(f"{verdicts[name]} {name}" for name in sorted(verdicts))
-    said = f"{len(rows)} flight{'' if len(rows) == 1 else 's'}: {counts or 'none yet'}"
+    said = f"{counted(len(rows), 'flight')}: {counts or 'none yet'}"
     session.headlines(said, (), f"aerodb flight {then}")
     session.say()
     session.table(

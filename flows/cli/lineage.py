@@ -10,6 +10,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Vehicle
+from aerodb.support import counted
 
 if TYPE_CHECKING:
     from aerodb.storage.catalogue import Catalogue, VersionRow
@@ -75,7 +76,7 @@ def _whole(session: Session, catalogue: "Catalogue", row: "VersionRow") -> None:
     used = sorted(document["flights"], key=lambda entry: flights[entry["flight"]])
     roles = Counter(entry["role"].replace("_", " ") for entry in used)
     before = [each["label"] for each in document["line"] if each["version"] == row.parent]
-    based = f"based on {len(used)} flight{'' if len(used) == 1 else 's'}" if used else "an import"
+    based = f"based on {counted(len(used), 'flight')}" if used else "an import"
     session.headlines(
         f"{row.vehicle}: {row.label} is {based}",
         [
@@ -125,7 +126,7 @@ def _origins(
         what += f" = {_value(session, document['parameter'])}"
     flights = list(dict.fromkeys(f["flight"] for origin in origins for f in origin["flights"]))
     makers = dict.fromkeys(origin["label"] for origin in origins)
-    count = f"{len(flights)} flight{'' if len(flights) == 1 else 's'}"
+    count = counted(len(flights), "flight")
     based = f"from {count}, by {', '.join(makers)}" if origins else "as imported: no flight acts"
     acting = []
     for origin in origins if "parameter" not in document else ():

@@ -9,6 +9,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
+from aerodb.support import counted
 
 app = typer.Typer(
     name="mapping", cls=Commands, no_args_is_help=True, help="Which field of a log is what."
@@ -47,8 +48,8 @@ def init(
         place = f"{clock.topic}.{clock.field}"
         rows.insert(0, ["time", place, clock.unit, "1", clock.confidence, clock.reason])
     open_points = len(draft.questions)
-    found = f"{len(rows)} channel{'s' * (len(rows) != 1)} found"
-    asked = f"; {open_points} question{'s' * (open_points != 1)} to answer" if open_points else ""
+    found = f"{counted(len(rows), 'channel')} found"
+    asked = f"; {counted(open_points, 'question')} to answer" if open_points else ""
     session.headlines(
         f"{log.name}: {found if rows else 'no field has the name of a channel'}{asked}",
         [

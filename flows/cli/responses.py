@@ -9,6 +9,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session, plus_minus
 from aerodb.flows.cli.references import Since, Until, Vehicle, Verbose, stretch_of
+from aerodb.support import counted
 
 #: Most checks that a line names.
 _NAMED: Final = 3
@@ -228,15 +229,14 @@ def _outside_words(document: dict[str, Any]) -> str:
 
 def _feedback_words(session: Session, document: dict[str, Any]) -> str:
     """Return in how many stretches feedback was closed, and by how much it moved a control."""
+    from aerodb.report import closed_words
+
     flown = [stretch for stretch in document["stretches"] if "reason" not in stretch]
     closed = [stretch["correction"] for stretch in flown if stretch["correction"]]
     if not closed:
         return ""
-    largest = session.units.shown(max(max(each.values()) for each in closed), "rad", 2)
-    return (
-        f"closed in {len(closed)} of {len(flown)} stretches, as the vehicle is unstable;"
-        f" it moved a control by up to {largest}"
-    )
+    largest = max(max(each.values()) for each in closed)
+    return closed_words(len(closed), len(flown), "stretches", largest, session.units)
 
 
 def _say_stretches(session: Session, document: dict[str, Any]) -> None:
@@ -322,10 +322,6 @@ def _swing(found: dict[str, float] | None) -> tuple[str, str]:
     return f"{found['period']:.2f} s", f"zeta {plus_minus(found['zeta'], found['sigma_zeta'], 3)}"
 
 
-def _count(n: int, what: str) -> str:
-    return f"{n} {what}{'' if n == 1 else 's'}"
-
-
 def _flown_words(document: dict[str, Any]) -> str:
     """Return how many checks of the stretches are within tolerance, and how many were not flown."""
     flown = [stretch for stretch in document["stretches"] if "reason" not in stretch]
@@ -394,8 +390,8 @@ def say_responses(
         [
             (
                 "flown",
-                f"{_count(document['manoeuvres'], 'manoeuvre')} of"
-                f" {_count(len(document['flights']), held)}{kind}; {document['tolerances']}",
+                f"{counted(document['manoeuvres'], 'manoeuvre')} of"
+                f" {counted(len(document['flights']), held)}{kind}; {document['tolerances']}",
             ),
             ("not covered", _ranges([test["number"] for test in document["not_covered"]])),
         ],

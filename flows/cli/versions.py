@@ -8,6 +8,7 @@ from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import AsOf, Vehicle, Verbose
 from aerodb.nomenclature import channel
+from aerodb.support import counted
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -173,10 +174,9 @@ def _note(
     document: dict[str, Any] = {}
     for kind, text in notes:
         document = note_version(access, row, kind, text)
-    comments = len(document["comments"])
     session.say(
         f"{row.label} of {row.vehicle}: tags {', '.join(document['tags']) or 'none'};"
-        f" {comments} comment{'' if comments == 1 else 's'}"
+        f" {counted(len(document['comments']), 'comment')}"
     )
     session.answer(document)
 
@@ -223,8 +223,8 @@ def show(
     session.say()
     session.say(
         f"{database.name} ({row.id[:12]}), made {row.created_utc:%Y-%m-%d %H:%M} UTC:"
-        f" {len(database.terms)} terms, {len(database.tables)} tables, {len(database.increments)}"
-        f" increment{'' if len(database.increments) == 1 else 's'} from flights"
+        f" {len(database.terms)} terms, {len(database.tables)} tables,"
+        f" {counted(len(database.increments), 'increment')} from flights"
     )
     for reason in document["stale"]:
         session.say(f"stale: {reason}")

@@ -14,13 +14,12 @@ from aerodb.flows.library.views import (
     Summary,
     Values,
     axis_coordinate,
-    counted,
     number,
     over_axes,
 )
 from aerodb.nomenclature import channel
 from aerodb.report import beyond_words
-from aerodb.support import Array, half_interval
+from aerodb.support import Array, counted, half_interval
 from aerodb.tables import AeroDatabase, Evaluation, Place, evaluate_database, unstated_inputs
 from aerodb.tasks.references import value_of
 from aerodb.tasks.view import TAKEN, outside_envelope

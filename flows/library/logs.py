@@ -32,6 +32,7 @@ from aerodb.recording import Recording
 from aerodb.storage.files import read_recording
 from aerodb.storage.limits import Limits
 from aerodb.storage.mappings import builtin_mappings, load_mapping
+from aerodb.support import counted
 from aerodb.suspicions import examined_beside
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.workers import parsed_log
@@ -106,8 +107,7 @@ class Log(Result):
 
 
 def _topics(recording: Recording) -> str:
-    count = len(recording.topics)
-    return f"{count} topic{'' if count == 1 else 's'}"
+    return counted(len(recording.topics), "topic")
 
 
 def load(

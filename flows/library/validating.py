@@ -11,9 +11,10 @@ from aerodb.flows.library.flights import ComparedFlight
 from aerodb.flows.library.logs import read_text
 from aerodb.flows.library.tracing import TracedFlights, flights_in_memory, segments_of
 from aerodb.flows.library.updating import UpdatedDatabase
-from aerodb.flows.library.views import Data, Result, Summary, Values, counted, number
+from aerodb.flows.library.views import Data, Result, Summary, Values, number
 from aerodb.report import display_unit
 from aerodb.simulation import parse_tolerances
+from aerodb.support import counted
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps import (
     default_tolerances,

@@ -55,15 +55,6 @@ class Data:
     attributes: Mapping[str, Any] = field(default_factory=dict)
 
 
-def counted(n: int, what: str) -> str:
-    """Return a number of things in words.
-
-    >>> counted(1, "flight"), counted(2, "flight")
-    ('1 flight', '2 flights')
-    """
-    return f"{n} {what}{'' if n == 1 else 's'}"
-
-
 class Result:
     """What all results share: `headlines` (what ``print`` shows), `report`, `plot`, `save`,
     `to_pandas`, `to_xarray`, and how a notebook shows them."""

@@ -39,6 +39,7 @@ from aerodb.nomenclature import is_surface
 from aerodb.recording import Recording
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.workspace_settings import load_settings
+from aerodb.support import counted
 from aerodb.tasks.steps import FINDINGS, SERVOS, PlottedLog, Wanted, look_over, plot_log
 from aerodb.tasks.view.flight_documents import damage_document
 from aerodb.tasks.workers import Parsed, parsed_log, start_workers
@@ -282,7 +283,7 @@ def logs_page(
         (len(said["parameters"]), "parameter"),
         (len(said["messages"]), "message"),
     )
-    contents = ", ".join(f"{n} {what}{'' if n == 1 else 's'}" for n, what in counts if n)
+    contents = ", ".join(counted(n, what) for n, what in counts if n)
     return LogsPage(
         log_report(stories, units),
         tuple(documents),
