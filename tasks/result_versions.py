@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 9,
-    "conditioning": 26,
+    "conditioning": 27,
     "consistency": 28,
     "coefficients": 5,
     "compare": 17,

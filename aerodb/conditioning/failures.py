@@ -5,13 +5,15 @@ motion from elsewhere decides: speed over ground, accelerations, rates, attitude
 is logged, nothing is said.
 """
 
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning.channel_rates import with_accelerations
+from aerodb.conditioning.drifts import SENSORS, WINDOW, Drift, drift
 from aerodb.conditioning.followers import FOLLOWERS, LEAPING, leaping, not_following, repeated
 from aerodb.conditioning.frozen import frozen, torn
 from aerodb.conditioning.pitot import (
@@ -33,6 +35,8 @@ _RECEIVERS: Final = (
     ("latitude", "longitude"),
     ("north", "east"),
 )
+#: Accelerometers by the names that they have at their own place.
+_AT_IMU: Final = ("ax_imu", "ay_imu", "az_imu")
 #: Silence [s] from which a sensor counts as failed rather than as logged a little less long.
 LONGEST_SILENCE: Final = 3.0
 
@@ -44,7 +48,7 @@ def flag_failed(flight: Flight) -> Flight:
     All fail where the whole record stands still, or jumps. Airspeed fails where the speed over
     ground goes on, or where it falls within a second and no force slows the aircraft. Other sensors
     fail where they stand still while what they measure changes, heights and positions where they
-    leap.
+    leap. What drifts or jumps and goes on is told by all channels together (`drift`).
     """
     for name, where in airspeed_failures(flight).items():
         flight = flight.with_flag(name, "failed", where)
@@ -57,12 +61,37 @@ def flag_failed(flight: Flight) -> Flight:
     for name in LEAPING:
         if name in flight and (where := leaping(flight, usable, name)).any():
             flight = _with_its_receiver(flight.with_flag(name, "failed", where), name, where)
+    together: Collection[str] = ()
+    while (found := drift(flight)) is not None and not _stands(flight, usable, found):
+        if together and found.channel not in together:
+            break
+        together = next((each for each in _RECEIVERS if found.channel in each), ("",))
+        where = np.zeros(len(flight.time), dtype=bool)
+        where[found.first : found.last + 1] = True
+        flight = _with_failed(flight, found.channel, where)
+        usable = with_accelerations(flight)
     for name in FOLLOWERS:
         if name in flight and (where := not_following(flight, usable, name)).any():
-            for other in AIR if name in AIR else (name,):
-                if other in flight:
-                    flight = flight.with_flag(other, "failed", where & agrees(flight, name, other))
+            flight = _with_failed(flight, name, where)
             flight = _with_its_receiver(flight, name, where)
+    return flight
+
+
+def _stands(flight: Flight, usable: Mapping[str, Array], found: Drift) -> bool:
+    """Whether a sensor that parts from the motion does so because it stands still."""
+    values = flight[found.channel][found.first : found.last + 1]
+    low, high = np.nanquantile(values, [0.1, 0.9]) if np.isfinite(values).any() else (0.0, 0.0)
+    if high - low > 0.5 * abs(found.size) or found.channel not in FOLLOWERS:
+        return False
+    return bool(not_following(flight, usable, found.channel).any())
+
+
+def _with_failed(flight: Flight, name: str, where: Mask) -> Flight:
+    """The flight with a channel flagged as failed there, and what its tube gives as far as it
+    agrees."""
+    for other in AIR if name in AIR else (name,):
+        if other in flight:
+            flight = flight.with_flag(other, "failed", where & agrees(flight, name, other))
     return flight
 
 
@@ -84,7 +113,8 @@ class Failure:
 
     kind : ``behind`` (airspeed without the speed over ground), ``fallen`` (without a force that
     slows the aircraft), ``still`` (it does not follow the motion), ``leapt`` (it is elsewhere all
-    at once, and no velocity says so), ``silent`` (no samples more),
+    at once, and no velocity says so), ``drifted`` (it goes on, but elsewhere: `drift` says how),
+    ``silent`` (no samples more),
     ``frozen`` or ``torn`` (all channels stand still, or jump; one of them is named).
     value : median that it shows [unit of the channel]; beside : speed over ground [m/s] meanwhile;
     nan where there is none.
@@ -96,6 +126,7 @@ class Failure:
     end: float
     value: float
     beside: float
+    drift: Drift | None = None
 
     @property
     def reason(self) -> str:
@@ -105,9 +136,13 @@ class Failure:
             return "every channel repeats its value, and then the motion has gone on"
         if self.kind == "torn":
             return "all channels jump at once there: samples are repeated, or in another order"
+        if self.drift is not None:
+            return self.drift.reason
         if self.kind == "silent":
             return "its samples end, those of the rates go on"
         if self.kind == "still":
+            if self.channel not in FOLLOWERS:
+                return "the other channels do not change as it says"
             listed = ", ".join(FOLLOWERS[self.channel].needs)
             return f"it stands at {shown} while {listed} say that it changes"
         if self.kind == "leapt":
@@ -135,7 +170,9 @@ def failures(flight: Flight) -> tuple[Failure, ...]:
     ]
     found: list[Failure] = []
     ground = speed_over_ground(flight)
-    names = [name for name in dict.fromkeys((*AIR, *FOLLOWERS)) if name in flight]
+    names = [
+        name for name in dict.fromkeys((*AIR, *FOLLOWERS, *SENSORS, *_AT_IMU)) if name in flight
+    ]
     names = [n for n in names if n not in AIR or n == names[0]]
     for name in names:
         bits = flight.flags.get(name, np.zeros(len(flight.time), np.uint8)).astype(np.uint16)
@@ -152,6 +189,11 @@ def _overlap(one: Failure, other: Failure) -> bool:
 
 def _failure(flight: Flight, name: str, first: int, last: int, ground: Array | None) -> Failure:
     here = slice(first, last + 1)
+    start, end = float(flight.time[first]), float(flight.time[last])
+    long = end - start > WINDOW
+    drifted = _drift_there(flight, name, first, last) if long else None
+    if drifted is not None:
+        return Failure(name, "drifted", start, end, drifted.size, np.nan, drifted)
     values = flight[name][here]
     value = float(np.median(values[np.isfinite(values)])) if np.isfinite(values).any() else np.nan
     beside = np.nan
@@ -161,8 +203,19 @@ def _failure(flight: Flight, name: str, first: int, last: int, ground: Array | N
     kind = "still" if still else "behind" if np.isfinite(beside) else "fallen"
     if name in LEAPING and _leaps_there(flight[name], first, last, FOLLOWERS[name].least):
         kind = "leapt"
-    start, end = float(flight.time[first]), float(flight.time[last])
     return Failure(name, kind, start, end, value, beside)
+
+
+def _drift_there(flight: Flight, name: str, first: int, last: int) -> Drift | None:
+    """What `drift` says of a stretch that it flagged; None of another."""
+    flags = dict(flight.flags)
+    for each in AIR if name in AIR else (name,):
+        if each in flags:
+            flags[each] = flags[each].astype(np.uint16)
+            flags[each][first : last + 1] &= ~np.uint16(FLAGS["failed"])
+    found = drift(replace(flight, flags=flags))
+    same = found is not None and (found.channel, found.first, found.last) == (name, first, last)
+    return found if same else None
 
 
 def _leaps_there(values: Array, first: int, last: int, least: float) -> bool:

@@ -8,7 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import uniform_filter1d
 
-from aerodb.conditioning.channel_rates import airspeed_rate, alpha_rate, beta_rate
+from aerodb.conditioning.channel_rates import (
+    KINEMATICS,
+    OPTIONAL,
+    airspeed_rate,
+    alpha_rate,
+    beta_rate,
+)
 from aerodb.conditioning.local_gravity import local_gravity
 from aerodb.conditioning.pitot import MOST_WIND, SHOWN
 from aerodb.flight import Flight
@@ -70,7 +76,8 @@ def _velocity(name: str) -> Callable[[Mapping[str, Array]], Array]:
 
 
 _MOTION = ("ax", "ay", "az", "phi", "theta", "psi")
-#: Airspeed: 4 s in which it changes by 3 m/s. Vanes: 4 s of a manoeuvre, of 2 deg. Height and
+#: Airspeed: 4 s in which it changes by 3 m/s. Vanes: 4 s of a manoeuvre, of 2 deg; attitude: of
+#: 3 deg. Height and
 #: position: 10 s of a climb of 2 m/s, of 2 m/s over ground. Velocity: a turn that changes it by
 #: 4 m/s, what 0.4 m/s^2 of an accelerometer's error makes in 10 s.
 FOLLOWERS: Final[dict[str, _Follower]] = {
@@ -79,6 +86,7 @@ FOLLOWERS: Final[dict[str, _Follower]] = {
     "beta": _Follower(
         beta_rate, ("alpha", "V", "p", "r", "ax", "ay", "az", "theta", "phi"), 4.0, 0.035
     ),
+    **{name: _Follower(*KINEMATICS[name], 4.0, 0.05) for name in ("phi", "theta")},
     "altitude": _Follower(_climb, ("velocity_down",), 10.0, 20.0),
     "height_above_ground": _Follower(_climb, ("velocity_down",), 10.0, 20.0),
     "static_pressure": _Follower(_sink_of_height, ("velocity_down", "rho"), 10.0, 200.0),
@@ -99,7 +107,7 @@ def _moved(
     known = flight.usable([name], despite=("stuck",))
     if not needs:
         return np.zeros(len(known)), known
-    known &= flight.usable([n for n in needs if n in flight])
+    known &= flight.usable([n for n in (*needs, *OPTIONAL.get(name, ())) if n in flight])
     with np.errstate(all="ignore"):
         rate = np.nan_to_num(FOLLOWERS[name].rate(usable))
     return integrated(rate, flight.step), known

@@ -30,12 +30,16 @@ Change = Callable[[np.ndarray, np.ndarray, np.ndarray, float], np.ndarray]
 
 @dataclass(frozen=True)
 class Kind:
-    """A failure: the channels that it makes wrong alike, how, and for which part of the flight."""
+    """A failure: the channels that it makes wrong alike, how, and for which part of the flight.
+
+    adds : whether it shows also where the channel would not have moved.
+    """
 
     channels: tuple[str, ...]
     change: Change
     begin: float = 0.5
     seconds: float | None = None
+    adds: bool = False
 
 
 def _held(values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float) -> np.ndarray:
@@ -71,6 +75,42 @@ def _leaps(by: float) -> Change:
     return lambda values, failing, noise, step: np.where(failing, values + by, values)
 
 
+def _drifts(by: float) -> Change:
+    """Away evenly, by so much until the end of the failure [unit of the channel]."""
+
+    def change(
+        values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float
+    ) -> np.ndarray:
+        return values + by * np.cumsum(failing) / max(int(failing.sum()), 1) * failing
+
+    return change
+
+
+def _loses(share: float) -> Change:
+    """A share of the value is lost, evenly until the end of the failure."""
+
+    def change(
+        values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float
+    ) -> np.ndarray:
+        return values * (1.0 - share * np.cumsum(failing) / max(int(failing.sum()), 1) * failing)
+
+    return change
+
+
+def _spikes(sizes: float) -> Change:
+    """Every 50th sample off by a multiple of the channel's standard deviation."""
+
+    def change(
+        values: np.ndarray, failing: np.ndarray, noise: np.ndarray, step: float
+    ) -> np.ndarray:
+        hit = failing & (np.arange(len(values)) % 50 == 0)
+        return np.where(hit, values + sizes * float(np.nanstd(values)), values)
+
+    return change
+
+
+DEGREE = float(np.pi / 180.0)
+_GROUND_VELOCITY = ("velocity_north", "velocity_east")
 KINDS: dict[str, Kind] = {
     "airspeed zero": Kind(AIR, _zero),
     "airspeed zero for 5 s": Kind(AIR, _zero, 0.4, 5.0),
@@ -94,6 +134,31 @@ KINDS: dict[str, Kind] = {
     "position held": Kind(("north", "east"), _held),
     "position leaps": Kind(("north", "east"), _leaps(300.0)),
     "alpha drops to zero": Kind(("alpha",), _drops),
+    "airspeed zero for 15 s": Kind(AIR, _zero, 0.4, 15.0),
+    "airspeed held 15 s": Kind(AIR, _held, 0.4, 15.0),
+    "alpha held, noisy, 15 s": Kind(("alpha",), _noise, 0.4, 15.0),
+    "altitude held 20 s": Kind(("altitude",), _held, 0.4, 20.0),
+    "velocity held 15 s": Kind(_GROUND_VELOCITY, _held, 0.4, 15.0),
+    "airspeed spikes": Kind(AIR, _spikes(5.0), adds=True),
+    "alpha spikes": Kind(("alpha",), _spikes(5.0), adds=True),
+    "altitude spikes": Kind(("altitude",), _spikes(5.0), adds=True),
+    "velocity spikes": Kind(_GROUND_VELOCITY, _spikes(5.0), adds=True),
+    "altitude drifts 100 m": Kind(("altitude",), _drifts(100.0), adds=True),
+    "static pressure drifts 10 hPa": Kind(("static_pressure",), _drifts(1000.0), adds=True),
+    "position drifts 200 m": Kind(("north", "east"), _drifts(200.0), adds=True),
+    "airspeed loses .4": Kind(("V", "calibrated_airspeed"), _loses(0.4), adds=True),
+    "theta drifts 8 deg": Kind(("theta",), _drifts(8.0 * DEGREE), adds=True),
+    "phi drifts 10 deg": Kind(("phi",), _drifts(10.0 * DEGREE), adds=True),
+    "psi drifts 20 deg": Kind(("psi",), _drifts(20.0 * DEGREE), adds=True),
+    "alpha drifts 6 deg": Kind(("alpha",), _drifts(6.0 * DEGREE), adds=True),
+    "beta drifts 6 deg": Kind(("beta",), _drifts(6.0 * DEGREE), adds=True),
+    "alpha leaps 6 deg": Kind(("alpha",), _leaps(6.0 * DEGREE), adds=True),
+    "alpha leaps 6 deg for 10 s": Kind(("alpha",), _leaps(6.0 * DEGREE), 0.4, 10.0, adds=True),
+    "beta leaps 6 deg": Kind(("beta",), _leaps(6.0 * DEGREE), adds=True),
+    "theta leaps 8 deg": Kind(("theta",), _leaps(8.0 * DEGREE), adds=True),
+    "phi leaps 10 deg for 10 s": Kind(("phi",), _leaps(10.0 * DEGREE), 0.4, 10.0, adds=True),
+    "theta held": Kind(("theta",), _held),
+    "phi held, noisy": Kind(("phi",), _noise),
 }
 
 
@@ -187,7 +252,8 @@ def failing(pair: Pair, kind: Kind) -> tuple[Flight, np.ndarray] | None:
         values = flight[name]
         sigma = 1.4826 * float(np.nanmedian(np.abs(np.diff(values, 2)))) / np.sqrt(6.0)
         here = values[where & np.isfinite(values)]
-        if name == names[0] and not np.std(here) > 10.0 * sigma + 1e-9:
+        moves = kind.adds or np.std(here) > 10.0 * sigma + 1e-9
+        if name == names[0] and not moves:
             return None
         made[name] = kind.change(
             values, where, sigma * rng.standard_normal(len(values)), flight.step

@@ -193,11 +193,13 @@ def test_a_landing_with_the_wind_is_no_failure() -> None:
     right = straight(wind=-6.0)
     left, slowing = stopped(right, 12.0)
     over_ground = right["velocity_north"] * left
+    height = np.interp(right.time, [30.0, 59.0], [200.0, 0.0])
     flight = straight(
         V=np.maximum(over_ground - 6.0, 0.0),
         ax=right["ax"] + 26.0 * slowing,
         velocity_north=over_ground,
-        altitude=np.interp(right.time, [30.0, 59.0], [200.0, 0.0]),
+        velocity_down=-np.gradient(height, STEP),
+        altitude=height,
     )
     assert failures(flight) == ()
     assert len(kinds(flight)["on_ground"]) == 1
