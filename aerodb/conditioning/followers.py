@@ -77,9 +77,8 @@ def _velocity(name: str) -> Callable[[Mapping[str, Array]], Array]:
 
 _MOTION = ("ax", "ay", "az", "phi", "theta", "psi")
 #: Airspeed: 4 s in which it changes by 3 m/s. Vanes: 4 s of a manoeuvre, of 2 deg; attitude: of
-#: 3 deg. Height and
-#: position: 10 s of a climb of 2 m/s, of 2 m/s over ground. Velocity: a turn that changes it by
-#: 4 m/s, what 0.4 m/s^2 of an accelerometer's error makes in 10 s.
+#: 3 deg. Height and position: 10 s of a climb of 2 m/s, of 2 m/s over ground. Velocity: a turn that
+#: changes it by 4 m/s, what 0.4 m/s^2 of an accelerometer's error makes in 10 s.
 FOLLOWERS: Final[dict[str, _Follower]] = {
     "V": _Follower(airspeed_rate, ("alpha", "ax", "az", "theta"), 4.0, 3.0),
     "alpha": _Follower(alpha_rate, ("V", "q", "ax", "az", "theta"), 4.0, 0.035),

@@ -1,4 +1,4 @@
-"""What the flying aircraft has, and neither its database nor the effect library: shapes outside it.
+"""What the flying aircraft has and its database cannot hold: shapes, some of which have a name.
 
 The file that flies is changed, the one that is imported never: controls that are late, have backlash
 or a dead zone, surfaces that act on one side, lift that lags, damping that is not linear.
