@@ -143,10 +143,10 @@ class Failure:
         if self.kind == "still":
             if self.channel not in FOLLOWERS:
                 return "the other channels do not change as it says"
-            listed = ", ".join(FOLLOWERS[self.channel].needs)
+            listed = ", ".join(n for n in FOLLOWERS[self.channel].needs if n != self.channel)
             return f"it stands at {shown} while {listed} say that it changes"
         if self.kind == "leapt":
-            listed = ", ".join(FOLLOWERS[self.channel].needs)
+            listed = ", ".join(n for n in FOLLOWERS[self.channel].needs if n != self.channel)
             return f"it leaps to or from {shown}, faster than by {listed} or airspeed"
         if self.kind == "behind":
             return f"it shows {shown} at {self.beside:.3g} m/s over ground"
