@@ -79,7 +79,7 @@ def close_loop_flow(
         document = steps(close_loop_on_rolls, plan, **where, accept=accept)
         document = steps(with_gate, document, **where)
         return {**document, "page": steps(write_update_page, document, **where)}
-    compared = steps.map(compare_with_version, flights, **where, version=baseline)
+    compared = steps.each(compare_with_version, flights, **where, version=baseline, confine=False)
     plan = steps(
         plan_update,
         compared,
@@ -94,8 +94,8 @@ def close_loop_flow(
         freeze_library, plan, **where, effects=effects, expected=library, measured=measured or []
     )
     accept.check(frozen)
-    # The first round's normal equations are the bulk of the work, and do not depend on each other.
-    steps.map(
+    # The first round's normal equations do not depend on each other.
+    steps.each(
         trace_flight,
         plan.hold_out.identified,
         **where,

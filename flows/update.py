@@ -53,7 +53,7 @@ def update_flow(
         return _on_ground(
             steps, where, vehicle, baseline, flights, model, hold_out, method, all_free, select
         )
-    compared = steps.map(compare_with_version, flights, **where, version=baseline)
+    compared = steps.each(compare_with_version, flights, **where, version=baseline, confine=False)
     plan = steps(
         plan_update,
         compared,

@@ -6,7 +6,6 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning.segmentation import segments
 from aerodb.errors import InputError, nearest
 from aerodb.flight import Flight
 from aerodb.nomenclature import channel
@@ -84,6 +83,8 @@ def _one(flight: Flight, condition: str) -> Mask:
 
 
 def _phase(flight: Flight, kind: str, inside: bool) -> Mask:
+    from aerodb.conditioning.segmentation import segments  # slow to import
+
     found = segments(flight)
     kinds = dict.fromkeys(each.kind for each in found)
     if inside and kind not in kinds:

@@ -22,7 +22,6 @@ from aerodb.loop.stall_hysteresis import (
     with_unused_states,
 )
 from aerodb.loop.turned_slopes import about_zero_lift
-from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import Finding, joint_covariance
 
@@ -120,7 +119,7 @@ def added_to(
 
     views = [
         view
-        for view in in_threads(view_beside_database, flights)
+        for view in map(view_beside_database, flights)
         if all(view.has(hypothesis.needs) for hypothesis in accepted)
     ]
     values = np.array([finding.value for finding in new])

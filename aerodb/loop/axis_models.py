@@ -30,7 +30,6 @@ from aerodb.loop.frozen_library import Library
 from aerodb.loop.moving_air import evidently_moving
 from aerodb.loop.sensor_share import beside_sensors, compared_with
 from aerodb.loop.shapes import imitated_shapes
-from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, Increment
 from aerodb.tracing import (
     ADDED,
@@ -140,9 +139,7 @@ def axis_models(
         axes -= _axes(hypotheses[number[id]] for id in without_gain)
     if not axes:
         return None, ()
-    normal_equations = in_threads(
-        lambda flight: source.normal_equations(flight, baseline, library), flights
-    )
+    normal_equations = [source.normal_equations(flight, baseline, library) for flight in flights]
     tests = cross_flight_tests(normal_equations, hypotheses, settings)
     out = [number[id] for id in late]
     beside = [
@@ -371,7 +368,7 @@ def _proved(
     pairs = list(
         zip(
             compared_with(estimator.beside, flights, candidate).values(),
-            in_threads(alone, flights),
+            map(alone, flights),
             strict=True,
         )
     )

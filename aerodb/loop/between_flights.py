@@ -13,7 +13,6 @@ from aerodb.effects import FlightView, Hypothesis, surfaces_of
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.rounds import LoopResult
-from aerodb.support import in_threads
 from aerodb.tracing import FlightDependence, dependences_on_conditions
 
 #: Condition -> least spread (standard deviation) over the flights at which it counts as different,
@@ -41,13 +40,11 @@ def dependences_between_flights(
     if len(flights) < library.settings.fewest:
         return ()
 
-    views = in_threads(lambda id: source.view(id, loop.candidate), flights)
+    views = [source.view(id, loop.candidate) for id in flights]
     conditions = conditions_of(views)
     if not conditions:
         return ()
-    normal_equations = in_threads(
-        lambda id: source.normal_equations(id, loop.candidate, library), flights
-    )
+    normal_equations = [source.normal_equations(id, loop.candidate, library) for id in flights]
     return dependences_on_conditions(
         normal_equations,
         library.hypotheses,

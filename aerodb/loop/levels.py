@@ -22,7 +22,7 @@ from aerodb.loop.frozen_library import Library
 from aerodb.loop.noise_floor import noise_floors
 from aerodb.nomenclature import AXES
 from aerodb.signals import rms
-from aerodb.support import DIFFERENCE, HINT, Array, in_threads
+from aerodb.support import DIFFERENCE, HINT, Array
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import CrossFlightTests, agreement, cross_flight_tests, may_be_off_by
 
@@ -96,7 +96,7 @@ def unexplained_levels(
 
     Dimensionless. Raises InputError where a flight lacks what is needed.
     """
-    compared = in_threads(lambda id: source.comparison(id, candidate), flights)
+    compared = [source.comparison(id, candidate) for id in flights]
     found: list[UnexplainedLevel] = []
     # sought where a level is large: they take long
     floors: dict[str, Mapping[str, NoiseFloor]] = {}
@@ -118,18 +118,14 @@ def unexplained_levels(
         if rms(means) <= _FLOORS * floor:
             continue
         spread = float(means.std(ddof=1)) if len(means) > 1 else None
-        views = in_threads(
-            lambda id: source.view(id, candidate, library.settings.bandwidth), flights
-        )
+        views = [source.view(id, candidate, library.settings.bandwidth) for id in flights]
         sigma = np.array([floors[flight][axis].total for flight in shown])
         seen = [view for view in views if view.flight in shown]
         conditions = _conditions(axis, means, sigma, seen, library.hypotheses)
         told = rms(means) if conditions else abs(level)
         if told**2 <= _SHARE * error**2 or told <= _FLOORS * floor:
             continue
-        normal_equations = in_threads(
-            lambda id: source.normal_equations(id, candidate, library), flights
-        )
+        normal_equations = [source.normal_equations(id, candidate, library) for id in flights]
         tests = cross_flight_tests(normal_equations, library.hypotheses, library.settings)
         rivals = () if conditions else _rivals(axis, level, views, tests)
         share = told**2 / error**2

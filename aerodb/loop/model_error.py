@@ -13,7 +13,6 @@ from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.rounds import LoopResult
 from aerodb.loop.shapes import shape_variables
-from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, Increment, Number
 from aerodb.tracing import FEWEST_SHAPED, Finding, FlightResidual, evidence_of, model_errors
 
@@ -44,7 +43,7 @@ def with_model_error(
         view = source.view(flight, loop.candidate, settings.bandwidth)
         return FlightResidual(evidence_of(view, []), shape_variables(view))
 
-    errors = model_errors(in_threads(residual, flights), axes, settings)
+    errors = model_errors([residual(flight) for flight in flights], axes, settings)
     known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
     between = {
         (axis, regressor): between_flights(finding)

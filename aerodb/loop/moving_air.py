@@ -12,7 +12,6 @@ import numpy as np
 from aerodb.loop.evidence import evidence_beside, noise_within_limits
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     FlightNormalEquations,
@@ -50,7 +49,7 @@ def rolling_share(
         span, band = source.vehicle.reference.span, library.settings.bandwidth
         return (0.0, 0.0) if noise is None else roll_rates(noise, view.recorded, span, band)
 
-    air, own = np.linalg.norm(in_threads(rates, flights), axis=0)
+    air, own = np.linalg.norm([rates(flight) for flight in flights], axis=0)
     return float(air / own) if own > 0.0 else 0.0
 
 
@@ -95,7 +94,7 @@ def beside_rotating_air(
         evidence = evidence_beside(source, flight, database, library, rotating_air=True)
         return normal_equations_of(evidence, settings)
 
-    normal_equations = in_threads(beside, traced.flights)
+    normal_equations = [beside(flight) for flight in traced.flights]
     lost = examined & lost_in_rotating_air(
         traced.findings, normal_equations, library.hypotheses, settings, earlier
     )

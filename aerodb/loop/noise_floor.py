@@ -18,7 +18,7 @@ from aerodb.increments import NoiseFloor
 from aerodb.loop.consider import stated_consider_parameters
 from aerodb.loop.flight_source import FlightSource
 from aerodb.signals import rms
-from aerodb.support import Array, in_threads
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import rotating_air, with_deflection_noise
 from aerodb.vehicle import Vehicle
@@ -34,9 +34,7 @@ def noise_floors(
 ) -> dict[str, Mapping[str, NoiseFloor]]:
     """Return flight (id) -> axis -> error that remains if `database` is right, dimensionless; see
     `noise_floor_of`."""
-    return dict(
-        zip(flights, in_threads(lambda id: source.noise_floor(id, database), flights), strict=True)
-    )
+    return {id: source.noise_floor(id, database) for id in flights}
 
 
 def noise_floor_of(

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from aerodb.effects import WIND_TO_BODY_AXES, Hypothesis
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase, RefinedShape, Refit
 from aerodb.tracing import Refined, refine
 
@@ -25,7 +24,7 @@ def refit_terms(
     of all terms. Values (k,) and covariance (k, k) are in SI units. Raises InputError where a
     flight lacks what is needed.
     """
-    views = in_threads(lambda id: source.view(id, candidate, library.settings.bandwidth), flights)
+    views = [source.view(id, candidate, library.settings.bandwidth) for id in flights]
     if not views:
         return None
     sensors = [hypothesis for hypothesis in library.hypotheses if hypothesis.kind == "sensor"]

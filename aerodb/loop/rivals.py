@@ -19,7 +19,7 @@ from aerodb.effects import FlightView, Hypothesis
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.signals import rms
-from aerodb.support import CLAIM, DIFFERENCE, Array, in_threads
+from aerodb.support import CLAIM, DIFFERENCE, Array
 from aerodb.tables import AeroDatabase
 
 #: Least effect of a sensor's error on an axis, as a part of what the increments change there, with
@@ -89,7 +89,7 @@ def sensor_rivals(
         before = source.view(flight, baseline, bandwidth)
         return _seen(before, source.view(flight, candidate, bandwidth))
 
-    change = _Change(in_threads(seen, [*flights]))
+    change = _Change([seen(flight) for flight in flights])
     sensors = (each for each in library.hypotheses if each.kind == "sensor")
     found = [each for sensor in sensors if (each := _explains(change, sensor)) is not None]
     return tuple(

@@ -32,7 +32,6 @@ from aerodb.loop.shapes import checked_shapes
 from aerodb.loop.stall import EFFECT
 from aerodb.loop.stall_hysteresis import one_stall
 from aerodb.loop.turned_slopes import about_flown_mean, about_zero_lift
-from aerodb.support import in_threads
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     FewFlightFindings,
@@ -386,9 +385,7 @@ def _traced(
     known_before: frozenset[str] | None,
 ) -> tuple[Traced, tuple[str, ...]]:
     """Trace whole flights with a database; and what a reader must know of the result."""
-    normal_equations = in_threads(
-        lambda flight: source.normal_equations(flight, database, library), flights
-    )
+    normal_equations = [source.normal_equations(flight, database, library) for flight in flights]
     earlier = {finding.hypothesis: finding.value for finding in added}
     traced = trace(normal_equations, library.hypotheses, library.settings, earlier)
     traced = beside_rotating_air(source, traced, database, library, earlier)

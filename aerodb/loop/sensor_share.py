@@ -14,7 +14,7 @@ from aerodb.flight import Flight
 from aerodb.loop.flight_source import FlightSource, ReconstructionErrors
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.without_store import WithoutStore
-from aerodb.support import Array, in_threads
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import Finding
 from aerodb.vehicle import Vehicle
@@ -76,8 +76,7 @@ def compared_with(
 
     Coefficients are (n,), dimensionless.
     """
-    compared = in_threads(lambda id: source.comparison(id, database), [*flights])
-    return dict(zip(flights, compared, strict=True))
+    return {id: source.comparison(id, database) for id in flights}
 
 
 def _shares(
@@ -103,7 +102,7 @@ def _shares(
                     share[axis] = share.get(axis, 0.0) + value * column
         return share
 
-    return dict(zip(flights, in_threads(one, [*flights]), strict=True))
+    return {flight: one(flight) for flight in flights}
 
 
 def _less_share(compared: Comparison, share: Mapping[str, Array]) -> Comparison:

@@ -9,7 +9,7 @@ from typing import Final
 from aerodb.effects import FlightView, Hypothesis, surfaces_of
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.support import Array, in_threads
+from aerodb.support import Array
 from aerodb.tables import HAT_RATES, AeroDatabase
 from aerodb.tracing import (
     FEWEST_SHAPED,
@@ -74,7 +74,7 @@ def _residuals(
         view = source.view(id, database, library.settings.bandwidth)
         return FlightResidual(evidence_of(view, columns), shape_variables(view))
 
-    return in_threads(residual, flights)
+    return [residual(id) for id in flights]
 
 
 def shape_variables(view: FlightView) -> dict[str, Array]:

@@ -15,7 +15,6 @@ from aerodb.loop.evidence import copies_with_noise
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.shapes import shape_variables
-from aerodb.support import in_threads
 from aerodb.tables import HAT_RATES, AeroDatabase
 from aerodb.tracing import (
     FlightResidual,
@@ -65,11 +64,11 @@ def unexplained_residuals(
         )
         return [beside(view_of(*copy, candidate, source.vehicle)) for copy in copies]
 
-    residuals = in_threads(left, flights)
+    residuals = [left(id) for id in flights]
     found = material(unexplained_by_axis(residuals, settings), residuals)
     if not any(each.found for each in found):
         return found
-    copies = list(zip(*in_threads(noisier, flights), strict=False))
+    copies = list(zip(*(noisier(id) for id in flights), strict=False))
     noisy = [unexplained_by_axis(copy, settings) for copy in copies]
     return without_state_noise(found, noisy, settings) if noisy else found
 

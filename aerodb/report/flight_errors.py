@@ -34,6 +34,11 @@ def _error(axis: str, comparison: Comparison | None) -> float | None:
     return rms(comparison.residual(axis)[comparison.usable[axis]])
 
 
+def wrong_sensors(document: Mapping[str, Any]) -> bool:
+    """Return whether sensors were found to be wrong: errors are told without what they do."""
+    return any(finding["verdict"] == "sensor" for finding in document["findings"])
+
+
 def disagreements(
     document: Mapping[str, Any], axes: Sequence[str], before: Mapping[str, Comparison]
 ) -> list[str]:
@@ -41,9 +46,10 @@ def disagreements(
 
     Each entry gives both errors. before : flight id -> comparison with the baseline, of the
     validation flights, else of all. Empty where validation was within flights, which leaves nothing
-    to compare. Errors are rms of coefficients, dimensionless.
+    to compare, and where errors are told without what sensors do that were found to be wrong.
+    Errors are rms of coefficients, dimensionless.
     """
-    if by_parts(document):
+    if by_parts(document) or wrong_sensors(document):
         return []
     side = "held_out_rms_before" if document["flights"]["held_out"] else "rms_before"
     sentences = []

@@ -7,6 +7,7 @@ from typing import Any, Final
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter, LogLocator, MaxNLocator, NullFormatter
+from numpy.typing import NDArray
 
 from aerodb.coefficients import Comparison
 from aerodb.report.labels import channel_scale, in_figure, parameter_scale
@@ -31,20 +32,17 @@ _BINS: Final = 24
 _FEWEST_BINS: Final = 3
 #: Fewest samples per bin: the number of bins is limited to it.
 _FEWEST_IN_BIN: Final = 15
-#: Most samples used for the quantiles; larger sets are thinned.
-_SAMPLES: Final = 50_000
+#: Most samples used for the quantiles; larger sets are thinned. 400 in a bin tell its 80 % band to
+#: a twentieth of the spread.
+_SAMPLES: Final = 10_000
 #: Narrowest bin, as a share of the range between the 1 % and 99 % quantiles: in a narrower one, a
 #: spike is chance.
 _NARROWEST: Final = 1 / 30
 #: Height [in] of a line of the smallest type.
 _LINE: Final = 0.14
 _BAND: Final = (0.1, 0.5, 0.9)
-#: Most variables that are drawn.
-_MOST_VARIABLES: Final = 10
-#: Variables that stand side by side.
-_COLUMNS: Final = 4
-#: Longest label of a column that stands on one line.
-_WIDEST: Final = 18
+#: Variables that stand side by side, of an axis.
+_COLUMNS: Final = 3
 
 #: A variable that varies less than this counts as constant (SI: 0.3 deg, or non-dimensional).
 _MOVES: Final = 5e-3
@@ -179,15 +177,14 @@ def voter(name: str, labels: Mapping[str, str]) -> str:
 def moving_variables(
     channels: Mapping[str, Mapping[str, Array]], names: Sequence[str]
 ) -> list[str]:
-    """Select the `names` that vary in these flights (id -> channels (n,), SI units), at most
-    `_MOST_VARIABLES`."""
+    """Select the `names` that vary in these flights (id -> channels (n,), SI units)."""
     moving = []
     for name in names:
         values = [held[name][np.isfinite(held[name])] for held in channels.values() if name in held]
         pooled = np.concatenate(values) if values else np.empty(0)
         if len(pooled) and np.ptp(np.quantile(pooled, [0.05, 0.95])) > _moves(name):
             moving.append(name)
-    return moving[:_MOST_VARIABLES]
+    return moving
 
 
 def _moves(name: str) -> float:
@@ -203,52 +200,58 @@ def residual_figure(
     channels: Mapping[str, Mapping[str, Array]],
     floors: Mapping[str, float],
 ) -> Figure:
-    """Draw the residual over each variable, before and after: median and 80 % band.
+    """Draw the residual over the variables on which it depends most, before and after: median and
+    80 % band.
 
     before, after : flight id -> comparison, `after` empty where nothing was updated; channels :
     flight id -> name -> (n,); floors : axis -> rms of the noise, drawn as a grey band. A row per
-    axis, a column per variable; further rows for more than `_COLUMNS` variables. Six rows fill a
-    page.
+    axis, with at most `_COLUMNS` of the variables. Six rows fill a page.
     """
-    blocks = [variables[k : k + _COLUMNS] for k in range(0, len(variables), _COLUMNS)]
-    rows = [(axis, block) for block in blocks for axis in axes]
-    columns = max(2, *(len(block) for block in blocks), 0)
+    rows = {axis: _ranked(axis, variables, (before, after), channels)[:_COLUMNS] for axis in axes}
+    columns = max(2, *(len(row) for row in rows.values()), 0)
     figure, panels = panel_grid(
-        (PAGE_WIDTH, 0.7 + 1.4 * max(1, len(rows))),
-        max(1, len(rows)),
+        (PAGE_WIDTH, 0.3 + 1.48 * max(1, len(axes))),
+        max(1, len(axes)),
         columns,
         left=0.85,
         right=0.15,
-        bottom=0.6,
-        between=(0.15, 0.42),
+        between=(0.15, 0.5),
         sharey="row",
     )
-    for panel in panels.ravel():
-        panel.set_visible(False)
-    for row, (axis, block) in zip(panels, rows, strict=False):
-        for panel, name in zip(row, block, strict=False):
-            panel.set_visible(True)
-            panel.axhspan(
-                -floors.get(axis, 0.0),
-                floors.get(axis, 0.0),
-                color="0.85",
-                lw=0,
-                zorder=0,
-                label="noise floor",
-            )
+    for row, (axis, names) in zip(panels, rows.items(), strict=False):
+        for panel, name in zip(row, names, strict=False):
+            floor = floors.get(axis, 0.0)
+            panel.axhspan(-floor, floor, color="0.85", lw=0, zorder=0, label="noise floor")
             _left_over(panel, axis, name, (before, after), channels)
-            panel.tick_params(labelbottom=axis == axes[-1])
-            if axis == axes[-1]:
-                label = channel_scale(name)[1]
-                wide = len(label) > _WIDEST
-                panel.set_xlabel(
-                    label.replace(" [", "\n[") if wide else label, size=SMALLEST if wide else None
-                )
+            panel.set_xlabel(channel_scale(name)[1], size=SMALLEST, labelpad=1)
+        for panel in row[max(1, len(names)) :]:
+            panel.set_visible(False)
         row[0].set_ylabel(f"{axis} [-]")
     if rows:
         handles, texts = panels[0][0].get_legend_handles_labels()
         figure.legend(handles, texts, loc="upper right", fontsize=SMALLEST, ncols=3, frameon=False)
     return figure
+
+
+def _ranked(
+    axis: str,
+    variables: Sequence[str],
+    sides: tuple[Mapping[str, Comparison], Mapping[str, Comparison]],
+    channels: Mapping[str, Mapping[str, Array]],
+) -> list[str]:
+    """Sort the variables by the largest mean square that the residual's bin means have over them,
+    before or after, the largest first; variables with too few samples are left out."""
+    shares = dict[str, float]()
+    for name in variables:
+        for side in sides:
+            x, y = _samples(axis, name, side, channels)
+            place = _places(x)
+            if place is not None:
+                count = np.maximum(1, np.bincount(place))
+                mean = np.bincount(place, y - y.mean()) / count
+                share = float(count @ mean**2) / len(y)
+                shares[name] = max(shares.get(name, 0.0), share)
+    return sorted(shares, key=lambda name: -shares[name])
 
 
 def _left_over(
@@ -266,7 +269,7 @@ def _left_over(
     for side, (colour, line, text) in zip(sides, looks, strict=True):
         if not side:
             continue
-        at, low, middle, high = _binned(axis, name, side, channels)
+        at, low, middle, high = _binned(*_samples(axis, name, side, channels))
         panel.fill_between(factor * at, low, high, color=colour, alpha=0.16, lw=0)
         panel.plot(factor * at, middle, color=colour, ls=line, lw=1.3, label=text)
     panel.axhline(0.0, color="0.4", lw=0.6)
@@ -274,16 +277,13 @@ def _left_over(
     panel.xaxis.set_major_locator(MaxNLocator(3))
 
 
-def _binned(
+def _samples(
     axis: str,
     name: str,
     side: Mapping[str, Comparison],
     channels: Mapping[str, Mapping[str, Array]],
-) -> tuple[Array, Array, Array, Array]:
-    """Median of the variable per bin, and the residual's 10 %, 50 % and 90 % quantiles there.
-
-    All four are empty for too few samples.
-    """
+) -> tuple[Array, Array]:
+    """The variable and the residual (n,) of all flights, at most `_SAMPLES`."""
     pairs = [
         (
             channels[flight][name][comparison.usable[axis]],
@@ -295,16 +295,29 @@ def _binned(
     x, y = (np.concatenate([pair[k] for pair in pairs]) if pairs else np.empty(0) for k in (0, 1))
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y))
     known = known[:: max(1, len(known) // _SAMPLES)]
-    x, y = x[known], y[known]
+    return x[known], y[known]
+
+
+def _places(x: Array) -> NDArray[np.intp] | None:
+    """The bin (n,) of each value, or None for too few of them.
+
+    Bins of equally many samples: narrow where the flights have been, wide where they passed.
+    """
     count = min(_BINS, len(x) // _FEWEST_IN_BIN)
-    if count < _FEWEST_BINS:
+    return None if count < _FEWEST_BINS else np.digitize(x, _edges(x, count)[1:-1])
+
+
+def _binned(x: Array, y: Array) -> tuple[Array, Array, Array, Array]:
+    """Median of the variable per bin, and the residual's 10 %, 50 % and 90 % quantiles there.
+
+    All four are empty for too few samples.
+    """
+    place = _places(x)
+    if place is None:
         none = np.empty(0)
         return none, none, none, none
-    # bins of equally many samples: narrow where the flights have been, wide where they passed
-    edges = _edges(x, count)
-    place = np.digitize(x, edges[1:-1])
-    bins = [(x[place == k], y[place == k]) for k in range(len(edges))]
-    summary = np.array([[np.median(at), *np.quantile(left, _BAND)] for at, left in bins if len(at)])
+    bins = [(x[place == k], y[place == k]) for k in np.unique(place)]
+    summary = np.array([[np.median(at), *np.quantile(left, _BAND)] for at, left in bins])
     return summary[:, 0], summary[:, 1], summary[:, 2], summary[:, 3]
 
 

@@ -24,7 +24,7 @@ from aerodb.report.error_table import (
 )
 from aerodb.report.figures import update_figure
 from aerodb.report.findings import MEANS, meaning, named_flights, sentence_of, told
-from aerodb.report.flight_errors import disagreements, flight_errors
+from aerodb.report.flight_errors import disagreements, flight_errors, wrong_sensors
 from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import advice_words, listed, with_true_signs
 from aerodb.report.head import Head
@@ -51,8 +51,6 @@ _DOTS: Final = {
 _IN_SAMPLE: Final = (
     "; after: of the flights that the version was identified from, which is optimistic"
 )
-#: Variables in one figure of a page.
-_VARIABLES_ON_A_PAGE: Final = 4
 #: Axes in one figure of a page.
 _AXES_ON_A_PAGE: Final = 6
 #: Histories in one figure of a page.
@@ -272,12 +270,13 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
     shown = {
         "residuals": [
             picture(
-                residual_figure(part, block, story.before, story.after, story.channels, floors),
-                f"Flight minus model on {', '.join(part)} against {', '.join(block)}, with {both}.",
-                "Flight − model. Line: median. Band: 80 % of the samples. Grey: noise floor. A"
+                residual_figure(part, variables, story.before, story.after, story.channels, floors),
+                f"Flight minus model on {', '.join(part)} against the variables on which it depends"
+                f" most, with {both}.",
+                f"Flight − model over the variables on which it depends most, of {len(variables)}"
+                " that move. Line: median. Band: 80 % of the samples. Grey: noise floor. A"
                 f" residual that still depends on a variable is not explained yet.{absent}",
             )
-            for block in _parts(variables, _VARIABLES_ON_A_PAGE) or [[]]
             for part in _parts(axes, _AXES_ON_A_PAGE)
         ],
         "histories": [
@@ -333,6 +332,8 @@ def _not_drawn(story: UpdateStory, axes: Sequence[str]) -> str:
     near = [axis for axis in told if axis in usable]
     without = [axis for axis in told if axis not in usable]
     words = f" Not drawn: {listed(near)}, unchanged and near the noise floor." if near else ""
+    if wrong_sensors(story.document):
+        words += " What the sensors do that were found to be wrong is drawn, and not in the errors."
     return words + (f" Not drawn: {listed(without)}, without usable samples." if without else "")
 
 

@@ -18,7 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.effects import FlightView, Hypothesis, ramp_terms, spline_over, variables_of
-from aerodb.support import Array, in_threads
+from aerodb.support import Array
 from aerodb.tracing.decision.findings import Finding, only_suspected
 from aerodb.tracing.decision.functions import WORTH
 from aerodb.tracing.decision.shapes import FEWEST_SHAPED
@@ -115,9 +115,7 @@ def refine(
                 options.append((index, variable, ramp_terms(hypothesis, spline)))
     columns = [*accepted, *(ramp for _, _, ramps in options for ramp in ramps)]
     library = [*columns, *sensors]
-    normal_equations = in_threads(
-        lambda view: normal_equations_of(evidence_of(view, library), settings), views
-    )
+    normal_equations = [normal_equations_of(evidence_of(view, library), settings) for view in views]
     of = [*range(len(accepted)), *(index for index, _, ramps in options for _ in ramps)]
     problem = _problem(campaign(normal_equations, library), of, settings)
     edges = np.cumsum([len(accepted), *(len(ramps) for _, _, ramps in options)]).tolist()

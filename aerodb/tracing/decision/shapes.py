@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from aerodb.effects import SURFACE_MOTION, Hypothesis
-from aerodb.support import Array, in_threads
+from aerodb.support import Array
 from aerodb.tables import HAT_RATES
 from aerodb.tracing.decision.axis_products import AxisProducts
 from aerodb.tracing.decision.explanation_sets import LOST
@@ -496,17 +496,17 @@ class _Shapes:
                 return self.products[axis, functions]
         named = self._named(axis)
         sensors = [h.id for h in self.known.values() if h.kind == "sensor"]
-        self.products[axis, with_functions] = in_threads(
-            lambda each: AxisProducts.of(
-                each[0].evidence,
+        self.products[axis, with_functions] = made = [
+            AxisProducts.of(
+                flight.evidence,
                 axis,
                 [*named, *sensors],
-                each[1] if with_functions else each[1][:, :0],
+                columns if with_functions else columns[:, :0],
                 self.settings,
-            ),
-            list(zip(self.flights, self.functions.columns, strict=True)),
-        )
-        return self.products[axis, with_functions]
+            )
+            for flight, columns in zip(self.flights, self.functions.columns, strict=True)
+        ]
+        return made
 
 
 def _shape(

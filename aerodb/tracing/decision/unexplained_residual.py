@@ -9,13 +9,12 @@ question to the aerodynamicist, never an increment. See docs/method/tracing.md, 
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 import numpy as np
 from scipy.special import stdtr
 
 from aerodb.errors import InputError
-from aerodb.support import Array, in_threads
+from aerodb.support import Array
 from aerodb.tracing.decision.functions import BasisFunctions, FunctionProblem, functions_of
 from aerodb.tracing.decision.residual_records import FlightResidual, ResidualRecord, records_in_band
 from aerodb.tracing.decision.ridge_model import (
@@ -90,9 +89,7 @@ def unexplained_by_axis(
     ]
     few_names = sorted(_known_in_all([flight.further or flight.variables for flight in left]))
     more = [name for name in few_names if name not in names]
-    flights = in_threads(
-        partial(records_in_band, axes=axes, names=names, more=more, settings=settings), left
-    )
+    flights = [records_in_band(flight, axes, names, more, settings) for flight in left]
     parts = {axis: [flight[axis] for flight in flights] for axis in axes}
     parts = {
         axis: records
@@ -105,32 +102,21 @@ def unexplained_by_axis(
             features[variables_of(records)] = features_of(
                 [record.variables for record in records], names
             )
-    problems = dict(
-        zip(
-            parts,
-            in_threads(
-                lambda r: ridge_problem(r, features[variables_of(r)], settings.inflation_limit),
-                parts.values(),
-            ),
-            strict=True,
-        )
-    )
-    judged = dict(zip(parts, in_threads(left_out_skills, problems.values()), strict=True))
+    problems = {
+        axis: ridge_problem(records, features[variables_of(records)], settings.inflation_limit)
+        for axis, records in parts.items()
+    }
+    judged = {axis: left_out_skills(problem) for axis, problem in problems.items()}
     # functions of one or two variables need less data than all together; each test has half the
     # level
     shared: dict[tuple[int, ...], BasisFunctions] = {}
     for records in parts.values():
         if variables_of(records) not in shared:
             shared[variables_of(records)] = _functions(records, [*names, *more], few_names)
-    few = dict(
-        zip(
-            parts,
-            in_threads(
-                lambda r: _few(r, shared[variables_of(r)], settings.inflation_limit), parts.values()
-            ),
-            strict=True,
-        )
-    )
+    few = {
+        axis: _few(records, shared[variables_of(records)], settings.inflation_limit)
+        for axis, records in parts.items()
+    }
     p = [_one_sided(skills) for skills, *_ in (*judged.values(), *few.values())]
     rows = range(len(parts))
     adjusted = by_families(np.array(p), [rows, [len(parts) + row for row in rows]])
@@ -160,11 +146,12 @@ def model_errors(
         return dict.fromkeys(axes, 0.0)
     names = sorted(_known_in_all([flight.variables for flight in left]))
 
-    def records_of(flight: FlightResidual) -> dict[str, ResidualRecord]:
-        has = [axis for axis in axes if axis in flight.evidence.residual]
-        return records_in_band(flight, has, names, (), settings)
-
-    flights = in_threads(records_of, left)
+    flights = [
+        records_in_band(
+            flight, [axis for axis in axes if axis in flight.evidence.residual], names, (), settings
+        )
+        for flight in left
+    ]
 
     def error(axis: str) -> float:
         records = [flight[axis] for flight in flights if axis in flight]
@@ -175,7 +162,7 @@ def model_errors(
         power = [float(np.mean(record.residual**2)) for record in records]
         return float(np.sqrt(max(0.0, float(np.mean(skills * power)))))
 
-    return dict(zip(axes, in_threads(error, axes), strict=True))
+    return {axis: error(axis) for axis in axes}
 
 
 def _known_in_all(flights: Sequence[Mapping[str, Array]]) -> set[str]:

@@ -295,7 +295,7 @@ class Campaign:
     def _shares(self) -> Array:
         """Share (flights, axes, hypotheses) of each axis in the squares of a hypothesis; 0 where it
         has none."""
-        squares = self.squares[:, :, :-1]
+        squares = np.maximum(self.squares[:, :, :-1], 0.0)  # rounding leaves less than nothing
         total = squares.sum(axis=1, keepdims=True)
         return np.divide(squares, total, out=np.zeros_like(squares), where=total > 0.0)
 

@@ -60,18 +60,12 @@ class Evidence:
             )
         length = lengths.pop()
         for axis, values in self.residual.items():
-            _check(values, length, self.usable[axis], self.flight, f"residual of {axis}")
+            _check(values, length, self.usable[axis], self.flight, "residual", axis)
         for columns in (self.columns, self.instruments):
             for name, by_axis in columns.items():
                 for axis, values in by_axis.items():
                     if axis in self.residual:
-                        _check(
-                            values,
-                            length,
-                            self.usable[axis],
-                            self.flight,
-                            f"column {name} on {axis}",
-                        )
+                        _check(values, length, self.usable[axis], self.flight, name, axis)
 
     @property
     def samples(self) -> int:
@@ -88,10 +82,12 @@ class Evidence:
         return list(groups.values())
 
 
-def _check(values: Array, length: int, usable: Mask, where: str, what: str) -> None:
+def _check(values: Array, length: int, usable: Mask, where: str, name: str, axis: str) -> None:
+    """Refuse a residual or a column (n,) on an axis that is not as long as its flight, or not
+    finite where it is used."""
     if len(values) != length or len(usable) != length:
         raise InputError(
-            f"{what} has {len(values)} samples, the flight {length}",
+            f"{name} on {axis} has {len(values)} samples, the flight {length}",
             where,
             "put it on the flight's grid",
         )
@@ -100,7 +96,7 @@ def _check(values: Array, length: int, usable: Mask, where: str, what: str) -> N
     finite = np.isfinite(values)
     if not finite.all() and not finite[usable].all():
         raise InputError(
-            f"{what} is not finite where the axis is usable",
+            f"{name} on {axis} is not finite where the axis is usable",
             where,
             "mark such samples unusable on this axis",
         )

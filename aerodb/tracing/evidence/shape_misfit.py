@@ -94,28 +94,28 @@ def all_shape_terms(hypotheses: Sequence[Hypothesis]) -> frozenset[str]:
     Effects that depend on alpha alone have none, nor shapes that the library holds itself.
     """
     own = [h for h in hypotheses if h.kind == "aerodynamic" and len(h.increment) == 1]
+    alike: dict[tuple[str, frozenset[str]], list[Hypothesis]] = {}
+    for hypothesis in own:
+        axis, regressor = hypothesis.increment[0]
+        alike.setdefault((axis, frozenset(regressor.names)), []).append(hypothesis)
     terms = set[str]()
     for hypothesis in own:
         axis, regressor = hypothesis.increment[0]
-        beside = [
-            h.increment[0][1] for h in own if h is not hypothesis and h.increment[0][0] == axis
-        ]
         if regressor.names - {"alpha"}:
-            terms |= {
-                name
-                for name in shape_term_columns(hypothesis.id)
-                if not any(_is(other, regressor, name) for other in beside)
-            }
+            for name in shape_term_columns(hypothesis.id):
+                over = {"alpha"} if name.endswith("~alpha") else set()
+                beside = alike.get((axis, frozenset(regressor.names | over)), ())
+                others = (h.increment[0][1] for h in beside if h is not hypothesis)
+                if not any(_is(other, regressor, name) for other in others):
+                    terms.add(name)
     return frozenset(terms)
 
 
 def _is(other: Expression, regressor: Expression, name: str) -> bool:
-    """Return whether `other` equals the shape-misfit term `name` of `regressor`, up to a share of
-    the regressor.
+    """Return whether `other`, of the same names, equals the shape-misfit term `name` of
+    `regressor`, up to a share of the regressor.
     """
     over_alpha = name.endswith("~alpha")
-    if other.names != (regressor.names | {"alpha"} if over_alpha else regressor.names):
-        return False
     generator = np.random.default_rng(0)
     names = sorted(other.names)
     at: Mapping[str, Array] = {

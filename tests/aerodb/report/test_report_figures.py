@@ -207,15 +207,21 @@ def test_residuals_over_a_variable_show_the_planted_slope(flown: Flight) -> None
     assert np.allclose(drawn.get_ydata(), 2.0 * np.deg2rad(drawn.get_xdata()))
     few = {"f": {"alpha": flown["alpha"][:5]}}
     short = synthetic.comparison(synthetic.flight(rng, seconds=0.2), {"CZ": np.zeros(5)})
-    assert (
-        len(
-            residual_figure(["CZ"], ["alpha"], {"f": short}, {"f": short}, few, {})
-            .axes[0]
-            .lines[0]
-            .get_xdata()
-        )
-        == 0
-    )
+    too_few = residual_figure(["CZ"], ["alpha"], {"f": short}, {"f": short}, few, {})
+    assert not any(panel.lines for panel in too_few.axes)
+
+
+def test_residuals_are_drawn_over_what_they_depend_on_most(flown: Flight) -> None:
+    """Of four variables, the three on which this residual depends, before or after."""
+    rng = np.random.default_rng(3)
+    n = len(flown.time)
+    channels = {"f": {name: rng.standard_normal(n) for name in ("alpha", "beta", "p", "q")}}
+    x = channels["f"]
+    before = synthetic.comparison(flown, {"CZ": 3.0 * x["p"] ** 2 + x["beta"]})
+    after = synthetic.comparison(flown, {"CZ": 2.0 * x["q"]})
+    figure = residual_figure(["CZ"], [*x], {"f": before}, {"f": after}, channels, {})
+    labels = [panel.get_xlabel().split()[0] for panel in figure.axes if panel.get_visible()]
+    assert labels == ["p", "q", "beta"]
 
 
 def test_only_variables_that_move_are_drawn(flown: Flight) -> None:

@@ -80,7 +80,7 @@ def test_bad_evidence_is_refused_with_its_place() -> None:
         values[7] = np.nan
         return replace(flight, residual={**flight.residual, "CX": values})
 
-    assert "residual of CX" in broken(with_nan)
+    assert "residual on CX" in broken(with_nan)
     assert "step" in broken(lambda e: replace(e, step=0.0))
     assert "samples" in broken(
         lambda e: replace(e, usable={**e.usable, "CX": np.ones(3, dtype=bool)})
