@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 17,
     "update": 24,
     "gram": 21,
-    "close_loop": 63,
+    "close_loop": 64,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

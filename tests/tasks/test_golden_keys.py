@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (5, "f004506b563372c1", "9ddddc1b635ef5d7"),
     "compare": (17, "d3f0f7f7567f62f5", "75ab953bf9aaf46f"),
     "gram": (21, "fe00887cf57cadc3", "a41b3127f3bfd9d7"),
-    "close_loop": (63, "f6b7ed182368c4e6", "b7cd226038e57476"),
+    "close_loop": (64, "4df98ac736719f27", "b7cd226038e57476"),
     "fly": (5, "f26f51e28c416847", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (17, "1b71eb9de4260b25", "be09817f5df27dda"),
