@@ -25,7 +25,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from . import page
     from .decimation import decimated, extremes, flagged_stretches
-    from .decision import Decision, decision
+    from .decision import Decision, decision, sized_finding
     from .diff_documents import (
         curve_document,
         diff_document,

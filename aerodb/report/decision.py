@@ -164,7 +164,7 @@ def _changes(document: Mapping[str, Any], units: UnitSystem | None, rest: str) -
     shown = [
         _from_to(corrected[entry["parameter"]], units, entry["verdict"].replace("_", " "))
         if entry["parameter"] in corrected
-        else _sized(entry, units, slopes.get(entry["parameter"]))
+        else sized_finding(entry, units, slopes.get(entry["parameter"]))
         for entry in named[:_MOST]
     ]
     return [*shown, *_more(len(document["added"]) - len(shown) + _MOST, rest)]
@@ -192,7 +192,7 @@ def _from_to(parameter: Mapping[str, Any], units: UnitSystem | None, verdict: st
     return f"parameter {parameter['name']}: {size}" + (f" ({notes})" if notes else "")
 
 
-def _sized(
+def sized_finding(
     finding: Mapping[str, Any], units: UnitSystem | None, slope: Mapping[str, Any] | None = None
 ) -> str:
     """A finding with its verdict, its size +- half of its 95 % interval, and what it makes of a
@@ -218,14 +218,16 @@ def _suspicions(document: Mapping[str, Any], units: UnitSystem | None, rest: str
     worst = [row["axis"] for row in _far_rows(document)[:1]]
     findings = sorted(document["findings"], key=lambda each: not {*worst} & {*written_on(each)})
     levels = [text for each in document.get("levels", ()) if (text := followed(each, units))]
-    named = [*levels, *(_sized(each, units) for each in findings)]
+    named = [*levels, *(sized_finding(each, units) for each in findings)]
     return [*named[:_MOST], *_more(len(named), rest)]
 
 
 def _sensors(document: Mapping[str, Any], units: UnitSystem | None) -> list[str]:
     """Sensors and vehicle data that were found to be wrong beside what was added."""
     found = [each for each in document["findings"] if each["verdict"] == "sensor"]
-    return [f"{_sized(each, units)}; correct it: errors are told without it" for each in found]
+    return [
+        f"{sized_finding(each, units)}; correct it: errors are told without it" for each in found
+    ]
 
 
 def _proof(document: Mapping[str, Any]) -> str:

@@ -30,7 +30,7 @@ from aerodb.report.labels import visible
 from aerodb.report.numbers import number
 from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED
 from aerodb.report.terms import term_name, term_unit
-from aerodb.support import half_interval
+from aerodb.support import counted, half_interval
 from aerodb.units import shown_units
 
 #: Colours of curves on pages, by what they show.
@@ -51,6 +51,7 @@ def filters() -> dict[str, Callable[..., Any]]:
         "number": number,
         "half_interval": half_interval,
         "quantity": quantity,
+        "counted": counted,
         "share": share,
         "words": words,
         "scaled": scaled,

@@ -14,7 +14,7 @@ import numpy as np
 
 from aerodb.errors import InputError
 from aerodb.nomenclature import AXES, FORCE_AXES, in_order
-from aerodb.support import Array
+from aerodb.support import Array, counted
 from aerodb.tables.definitions import (
     CONSTANTS,
     LIFT_INCREMENTS,
@@ -272,7 +272,7 @@ class AeroDatabase:
             "table": len(self.tables) + len(self.scattered),
             "increment": len(self.increments),
         }
-        said = ", ".join(f"{n} {what}{'' if n == 1 else 's'}" for what, n in parts.items())
+        said = ", ".join(counted(n, what) for what, n in parts.items())
         return f"<AeroDatabase {self.name!r}: {said}>"
 
     @cached_property

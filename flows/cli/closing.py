@@ -126,11 +126,12 @@ def say_loop(
     from aerodb.report import (
         advice_words,
         channel_words,
-        effect_words,
+        finding_sentence,
         hypothesis_words,
         in_words,
         meaning,
         rejected,
+        sized_finding,
     )
 
     say_decision(session, document, given)
@@ -149,14 +150,13 @@ def say_loop(
         f"list of effects {document['library']['sha256'][:12]}, fixed before the residuals were"
         " looked at"
     )
+    labels = session.catalogue().flight_labels(document["flights"]["identified"])
     for number, finding in enumerate(document["findings"], 1):
         session.say()
         mark = ", added" if finding["hypothesis"] in document["added"] else ""
-        session.say(
-            f"{number}. {effect_words(finding)}: {finding['verdict'].replace('_', ' ')}{mark}"
-            f" ({finding['hypothesis']})"
-        )
-        session.say(f"   {in_words(finding['because'])}.")
+        sized = sized_finding(finding, session.units)
+        session.say(f"{number}. {sized}{mark}: {finding['hypothesis']}")
+        session.say(f"   {finding_sentence(finding, labels)}.")
         if mark and finding["verdict"] != "confirmed":
             session.say(f"   {meaning(finding, document)}.")
         rivals = finding["explanation_set"][1:]

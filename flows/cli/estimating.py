@@ -11,6 +11,7 @@ from aerodb.flows.cli.mode_tables import print_modes
 from aerodb.flows.cli.output import HALF_INTERVAL, Session, plus_minus
 from aerodb.flows.cli.references import Select, Verbose
 from aerodb.flows.cli.vehicles import read_text
+from aerodb.support import counted
 
 #: Parameters of single records, which only the report lists.
 _OF_RECORDS = ("initial_", "bias_")
@@ -255,14 +256,14 @@ def _verdict(document: dict[str, Any], names: list[str], count: int) -> str:
     if not names:
         return "no method gave an estimate"
     if len(names) == 1:
-        return f"{count} parameters by {names[0]}"
+        return f"{counted(count, 'parameter')} by {names[0]}"
     if document["believe"]:
         reserved = ", with reservation" if document["reserved"] else ""
-        return f"believe here: {document['believe']}{reserved} ({count} parameters)"
+        return f"believe here: {document['believe']}{reserved} ({counted(count, 'parameter')})"
     if document["preferred"]:
         least = document["preferred"]
-        return f"believe here: none; the least doubtful is {least} ({count} parameters)"
-    return f"believe here: none ({count} parameters)"
+        return f"believe here: none; the least doubtful is {least} ({counted(count, 'parameter')})"
+    return f"believe here: none ({counted(count, 'parameter')})"
 
 
 def _limited(flights: list[str]) -> str:

@@ -8,6 +8,7 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
+from aerodb.support import counted
 
 
 def verify(
@@ -34,12 +35,11 @@ def verify(
     workspace = session.workspace()
     with session.waiting("verifying"), session.catalogue() as catalogue:
         report = upkeep.verify(workspace, catalogue, fetch, chain)
-    counted, words = upkeep.counted(report), upkeep.problem_words(report)
-    n = len(words)
-    told = f"{n} problem{'' if n == 1 else 's'}" if words else "no problems"
+    words = upkeep.problem_words(report)
+    told = counted(len(words), "problem") if words else "no problems"
     session.headlines(
         f"{session.root.name}: {told}",
-        [("first", words[0] if words else ""), ("checked", counted)],
+        [("first", words[0] if words else ""), ("checked", upkeep.counted(report))],
         "" if words else "aerodb backup FOLDER",
         [("chain", report.chain)],
     )

@@ -188,7 +188,7 @@ def impact(context: typer.Context, flight: str, vehicle: Vehicle = None) -> None
     uses = catalogue.impact(row.id)
     through = {use.version.id: use.version.label for use in uses}
     name = catalogue.flight_labels([row.id])[row.id]
-    count = f"{len(uses)} version{' is' if len(uses) == 1 else 's are'} based on it"
+    count = f"{counted(len(uses), 'version')} {'is' if len(uses) == 1 else 'are'} based on it"
     last = f"version show {uses[-1].version.label}" if uses else "close-loop"
     session.headlines(
         f"{row.vehicle}: {name}: {count}", (), f"aerodb {last} --vehicle {row.vehicle}"

@@ -73,7 +73,7 @@ def flights_page(
         "flights.html",
         "Flights",
         flights=listed,
-        counted=Counter(words).most_common(),
+        of_each=Counter(words).most_common(),
         asked=filters,
         after=after,
         further=address("/flights", **filters, after=page.further) if page.further else "",

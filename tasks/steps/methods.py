@@ -28,7 +28,7 @@ from aerodb.identification import (
     with_recorded_trim,
     within,
 )
-from aerodb.increments import ModelFile, parse_model_file
+from aerodb.increments import ModelFile, channels_of, parse_model_file, with_model_rates
 from aerodb.report import fit_report
 from aerodb.simulation import Mode
 from aerodb.storage.files import read_results, write_results
@@ -205,6 +205,10 @@ def _in_flight(
     file, steady = None, list[str]()
     if declares_state_space(model):
         file, steady = with_recorded_trim(parse_state_space(model), given)
+    else:  # a term that no flight has is a mistake of who wrote it, not of a method
+        declared, beside = parse_model_file(model), [each.comparison for each in given]
+        flown = with_model_rates([each.flight for each in given], beside, declared)
+        channels_of(flown, declared, database)
 
     def fitted(method: Method) -> list[Fit]:
         if file is not None:

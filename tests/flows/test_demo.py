@@ -298,6 +298,18 @@ def test_the_report_of_a_version_tells_its_responses(phoenix, tmp_path):
     assert f"feedback closed in {flown['stabilised']} of {flown['manoeuvres']} manoeuvres" in text
 
 
+def test_findings_are_told_with_the_sizes_that_entered_the_database(phoenix):
+    """And not with those of the round that found them."""
+    root, document = phoenix
+    lines = aerodb(root, "close-loop", "--vehicle", "phoenix", "--direct", "-v").stdout.split("\n")
+    assert document["added"]
+    for each in document["findings"]:
+        if each["hypothesis"] in document["added"]:
+            (line,) = [line for line in lines if line.endswith(f", added: {each['hypothesis']}")]
+            told = re.search(r" (\S+) \+- \S+( \S+)? \(", line)
+            assert float(told[1].replace("−", "-")) == pytest.approx(each["value"], rel=5e-3)
+
+
 def test_in_memory_a_version_flies_as_the_command_flies_it(phoenix):
     """`aerodb.validate` beside `aerodb version validate`, on one held-out flight."""
     root, document = phoenix

@@ -24,6 +24,8 @@ MISTYPED = {
     "close-loop --on-ground": "no parameter of the database acts on the ground",
     "update --model FOLDER/model.toml --hold-out nosuch": "unknown flight 'nosuch'",
     "update --model FOLDER/odd.toml": "no channel 'nosuch'",
+    "estimate --model FOLDER/odd.toml": "no channel 'nosuch'",
+    "estimate --model FOLDER/odd.toml --methods all": "no channel 'nosuch'",
     "version fly v0002 --flight FLIGHT --wind nosuch": "wind 'nosuch' is not known",
     "version fly v0002 --flight FLIGHT --from 9 --to 5": "no sample from 9 to 5 s",
     "version fly v0002 --manoeuvre FOLDER/model.toml": "manoeuvre: unknown key",

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from typing import Final
 
 from aerodb.errors import InputError, OpenQuestionsError, Question, nearest
+from aerodb.support import counted
 from aerodb.tables import Expression, ReferenceGeometry, parse
 from aerodb.units import quantity
 
@@ -195,7 +196,7 @@ class Answers:
         if self._questions:
             asked = list(self._questions.values())
             raise OpenQuestionsError(
-                f"{len(asked)} question{'s' if len(asked) > 1 else ''} before it can be read",
+                f"{counted(len(asked), 'question')} before it can be read",
                 self.where,
                 "import again with one line of each, all in one command:",
                 asked,

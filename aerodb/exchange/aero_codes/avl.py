@@ -27,6 +27,7 @@ from aerodb.exchange.aero_codes.answers import Answers, length_unit
 from aerodb.exchange.aero_codes.controls import DEGREE, control_name, control_variable
 from aerodb.exchange.aero_codes.lines import Line, lines_of
 from aerodb.exchange.aero_codes.runs import Run, database_of_runs, of_body_forces, on_body_axes
+from aerodb.support import counted
 from aerodb.tables import AeroDatabase
 
 MARK: Final = "Vortex Lattice Output"
@@ -119,7 +120,7 @@ def import_avl(files: Sequence[tuple[str, bytes]], name: str, answers: Answers) 
         )
     answers.close()
     kind = "body axes" if first.body else "stability axes"
-    source = f"AVL, {len(runs)} run{'s' if len(runs) > 1 else ''}, derivatives on {kind}"
+    source = f"AVL, {counted(len(runs), 'run')}, derivatives on {kind}"
     return database_of_runs(runs, name, reference, controls, source, answers.notes)
 
 

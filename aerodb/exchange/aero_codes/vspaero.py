@@ -24,6 +24,7 @@ from aerodb.exchange.aero_codes.controls import control_name, control_variable
 from aerodb.exchange.aero_codes.lines import Line, lines_of
 from aerodb.exchange.aero_codes.points import database_of_points
 from aerodb.exchange.aero_codes.runs import Run, database_of_runs, of_body_forces
+from aerodb.support import counted
 from aerodb.tables import AeroDatabase
 
 _REFERENCE: Final = ("Sref_", "Cref_", "Bref_", "Xcg_", "Ycg_", "Zcg_")
@@ -105,7 +106,7 @@ def import_stab(files: Sequence[tuple[str, bytes]], name: str, answers: Answers)
     }
     answers.notes.append("the drag is the induced one alone: the parasite drag is in the .polar")
     answers.close()
-    count = f"{len(runs)} run{'s' if len(runs) > 1 else ''}"
+    count = counted(len(runs), "run")
     return database_of_runs(
         runs, name, reference, controls, f"VSPAERO, stability, {count}", answers.notes
     )

@@ -10,6 +10,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from aerodb.effects import Hypothesis
+from aerodb.support import counted
 from aerodb.tracing.decision.explanation_sets import Explanation, wanted
 from aerodb.tracing.decision.findings import Wanted, with_unit
 from aerodb.tracing.decision.selection import FEWEST_SUSPECTED, CrossFlightTests, Decision
@@ -155,7 +156,7 @@ def _more_flights(tests: CrossFlightTests, decision: Decision, index: int) -> st
     test = tests.tested(decision.terms, decision.freed, FEWEST_SUSPECTED)
     lacking = tests.settings.fewest - int(test.count[index])
     name = tests.campaign.hypotheses[index]
-    flights = f"{lacking} more flight{'' if lacking == 1 else 's'}"
+    flights = counted(lacking, "more flight")
     return (
         f"{name.id}: {flights} with {', '.join(name.drivers) or 'it'} excited as so far, at least,"
         " to test it"
