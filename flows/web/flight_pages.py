@@ -25,6 +25,8 @@ from aerodb.flows.web.console import (
     report,
 )
 from aerodb.flows.web.models import answers
+from aerodb.flows.web.roll_pictures import drawn_rolls
+from aerodb.report import for_people
 from aerodb.storage.catalogue import RETRACTED, VERDICTS, FlightFilter, FlightRow
 from aerodb.tasks.result_versions import RELEASED
 from aerodb.tasks.view import (
@@ -140,16 +142,18 @@ def flight_page(
             said = log_document(access, row)
     details = flight_details(access, row)
     label = row.name or (details["log"] or {}).get("name") or row.label
+    zero = record.start if record else 0.0
     return page_of(
         request,
         "flight.html",
         f"Flight of {row.vehicle}",
         flight=details,
+        drawn_rolls=drawn_rolls(details["rolls"], zero, for_people("m/s")[0]),
         label=label,
         record=record,
         missing=missing,
         said=said,
-        zero=record.start if record else 0.0,
+        zero=zero,
         released=_released(access, row),
     )
 

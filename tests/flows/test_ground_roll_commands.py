@@ -4,9 +4,13 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
+from lxml import html
 
+from aerodb.storage.workspace import Workspace
 from tests.support.command import aerodb, asked
+from tests.support.console_workspace import client_of
 from tests.support.small_glider import write_csv
 from tests.support.three_wheels import (
     MASSES,
@@ -148,6 +152,35 @@ def test_a_roll_without_its_brakes_says_how_it_slows_down(workspace: Path) -> No
     found = asked(workspace / "w", "estimate", *model, "--baseline", "v0001")
     assert "lacks brake" in found["methods"][0]["reason"]
     assert f"aerodb flight show {flights['brakes-unknown']}" in found["methods"][0]["reason"]
+
+
+def test_the_console_draws_how_a_roll_slows_down(workspace: Path) -> None:
+    """Of brakes from 8 s on: the picture has the phases' speeds at their places, in every unit."""
+    (flight,) = ingested(workspace, 3.0, 1, 8.0)
+    (roll,) = asked(workspace / "w", "flight", "show", flight)["rolls"]
+    with client_of(Workspace.open(workspace / "w")) as client:
+        page = html.fromstring(client.get(f"/flights/{flight}").text)
+        (seen, ahead) = page.xpath("//svg[contains(@aria-label, 'Speed over')]/polyline/@points")
+        points = np.array([each.split(",") for each in seen.split()], dtype=float)
+        times = [roll["start"], *(each["end"] for each in roll["phases"])]
+        speeds = [roll["phases"][0]["fast"], *(each["slow"] for each in roll["phases"])]
+        assert len(times) == 3
+        for found, known in zip(points.T, (times, speeds), strict=True):
+            scale = np.polyfit(known, found, 1)
+            assert found == pytest.approx(np.polyval(scale, known), abs=0.1)
+        assert page.xpath("//svg[contains(@aria-label, 'Speed over')]/circle/@cx") == [
+            f"{points[1, 0]:.1f}"
+        ]
+        stop = float(ahead.split()[-1].split(",")[0])
+        slope, at = np.polyfit(times, points[:, 0], 1)
+        assert (stop - at) / slope == pytest.approx(roll["start"] + roll["time"], abs=0.1)
+        (rows,) = page.xpath("//table[caption[contains(., 'each phase')]]/tbody")
+        cells = [[cell.text for cell in row.xpath("td")] for row in rows]
+        assert [float(row[3]) for row in cells] == pytest.approx(speeds[1:], rel=6e-3)
+        assert [float(row[4].split()[0]) for row in cells] == pytest.approx(
+            [each["effective"] for each in roll["phases"]], rel=6e-3
+        )
+        assert "stands still after" in page.xpath("//h3")[0].text
 
 
 def test_a_log_without_wheels_and_airspeed_is_refused_as_before(workspace: Path) -> None:
