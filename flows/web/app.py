@@ -1,15 +1,14 @@
 """The application: its routers, static files and error pages; errors read as in the commands."""
 
-import importlib.util
 from collections import OrderedDict
 from pathlib import Path
-from typing import Any, Final
+from typing import Final
 
 from fastapi import FastAPI, Request
 from fastapi.exceptions import RequestValidationError
 from starlette.exceptions import HTTPException
 from starlette.requests import HTTPConnection
-from starlette.responses import FileResponse, Response
+from starlette.responses import Response
 from starlette.staticfiles import StaticFiles
 
 from aerodb.errors import (
@@ -44,8 +43,6 @@ from aerodb.tasks.actors import Actor, NotAllowedError
 from aerodb.tasks.workspace_access import access_workspace
 
 _STATIC: Final = Path(__file__).parent / "static"
-#: Files that the plotting library brings.
-_PLOTTING: Final = ("uPlot.iife.js", "uPlot.min.css")
 _CACHED: Final = {"cache-control": "max-age=3600"}
 _STATUS: Final[tuple[tuple[type[AeroError], int], ...]] = (
     (ForbiddenError, 403),
@@ -96,8 +93,6 @@ def create_app(root: Path, guard: Guard) -> FastAPI:
     ):
         app.include_router(part.router)
     app.add_api_route("/static/report.css", _report_style, include_in_schema=False)
-    for name in _PLOTTING:
-        app.add_api_route(f"/static/{name}", _plotting(name), include_in_schema=False)
     app.mount("/static", StaticFiles(directory=_STATIC), name="static")
     app.add_exception_handler(AeroError, _refused)
     app.add_exception_handler(HTTPException, _not_there)
@@ -134,21 +129,6 @@ def _report_style() -> Response:
     return Response(
         f"{render('style.css')}\n:root {{ {colours}}}\n", headers=_CACHED, media_type="text/css"
     )
-
-
-def _plotting(name: str) -> Any:
-    def file() -> Response:
-        # Found, not imported: the package's own code is not needed.
-        spec = importlib.util.find_spec("uplot")
-        folders = [] if spec is None else list(spec.submodule_search_locations or [])
-        path = Path(folders[0]) / "static" / name if folders else None
-        if path is None or not path.is_file():
-            raise StoreError(
-                "the plotting library is not installed", name, "pip install uplot-python"
-            )
-        return FileResponse(path, headers=_CACHED)
-
-    return file
 
 
 async def _refused(request: Request, error: Exception) -> Response:
