@@ -8,7 +8,8 @@ between two records looks complete.
 
 import hashlib
 import re
-from collections.abc import Iterator, Mapping
+from collections import Counter
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -109,6 +110,7 @@ def read_dataflash(path: Path) -> Recording:
         )
     kind, start, lost = framed(data)
     formats, unreadable = _formats(data, start[kind == FMT])
+    unreadable += _doubled(formats, set(np.unique(kind).tolist()))
     log = _records(data, kind, start, formats)
     topics = {topic.name: topic for records in log.values() for topic in topics_of(records)}
     if not topics:
@@ -156,7 +158,7 @@ _FMT_LAYOUT: Final = np.dtype(
 def _formats(data: Bytes, start: NDArray[np.int64]) -> tuple[dict[int, Format], list[Damage]]:
     """Formats by message id, the first of each id; and those that cannot be used."""
     found: dict[int, Format] = {}
-    damage = []
+    damage: dict[str, Damage] = {}
     for row in _taken(data, start, _FMT_LAYOUT):
         identity, name = int(row["type"]), _text(row["name"])
         entry = _format(name, _text(row["format"]), _text(row["labels"]), int(row["length"]))
@@ -164,11 +166,25 @@ def _formats(data: Bytes, start: NDArray[np.int64]) -> tuple[dict[int, Format], 
             found[identity] = entry
             if entry.layout is None:
                 what = f"the description of message {name!r} is damaged: its records are not used"
-                damage.append(Damage("values", what, name))
+                damage.setdefault(what, Damage("values", what, name))
         elif entry != found[identity] and identity != FMT:
             what = f"message {found[identity].name!r} is described twice, differently"
-            damage.append(Damage("values", what, found[identity].name))
-    return found, damage
+            damage.setdefault(what, Damage("values", what, found[identity].name))
+    return found, list(damage.values())
+
+
+def _doubled(formats: Mapping[int, Format], seen: Collection[int]) -> list[Damage]:
+    """Damage of the names that several of the ids with records have: the first is used."""
+    names = [
+        entry.name
+        for identity, entry in formats.items()
+        if identity in seen and entry.layout is not None
+    ]
+    return [
+        Damage("values", f"message {name!r} has several ids: the records of the first count", name)
+        for name, count in Counter(names).items()
+        if count > 1
+    ]
 
 
 def _format(name: str, characters: str, labels: str, length: int) -> Format:
@@ -275,7 +291,8 @@ def topics_of(records: Records) -> Iterator[Topic]:
             factor = TYPES[character][1]
             if factor == 1.0:
                 factor = records.factors.get(label, 1.0) or 1.0
-            scaled = values if factor == 1.0 else values * factor
+            with np.errstate(over="ignore", invalid="ignore"):  # a damaged multiplier
+                scaled = values if factor == 1.0 else values * factor
             parts = [scaled] if scaled.ndim == 1 else list(scaled.T)
             names = [label] if scaled.ndim == 1 else [f"{label}[{k}]" for k in range(len(parts))]
             fields |= dict(zip(names, parts, strict=True))
