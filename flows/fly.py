@@ -50,11 +50,13 @@ def validate_flow(
     flights: list[str],
     independent: bool = True,
     page: bool = False,
+    in_pieces: bool = False,
     **options: Any,
 ) -> dict[str, Any]:
     """Fly a version and its baseline (ids; or None) over flights (ids), and sum up.
 
-    independent : whether the flights were not used to identify the version.
+    independent : whether the flights were not used to identify the version. in_pieces : whether
+    the page is an iterator that draws while it is read, for one who reads it in this process.
     """
     where = {"workspace": workspace, "run": run}
     after = steps.map(fly_version, flights, **where, version=version, **options)
@@ -67,7 +69,6 @@ def validate_flow(
         summarise_responses, after, **where, before=before, independent=independent
     )
     if page:
-        document |= {
-            "page": steps(response_page, after, **where, before=before, summary=dict(document))
-        }
+        told = {"before": before, "summary": dict(document), "in_pieces": in_pieces}
+        document |= {"page": steps(response_page, after, **where, **told)}
     return document

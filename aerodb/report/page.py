@@ -6,7 +6,7 @@ change the direction or layout of the text around them.
 
 import functools
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import datetime
 from typing import Any, Final
 
@@ -40,7 +40,13 @@ COLOURS: Final = {"flight": FLIGHT, "database": DATABASE, "updated": UPDATED, "m
 def render(template: str, head: Head | None = None, **context: Any) -> str:
     """Render `template`, a file in this package's templates, to one self-contained HTML page;
     raises UndefinedError of Jinja for a variable that the context lacks."""
-    return _engine().get_template(template).render(head=head, **context)
+    return "".join(pieces(template, head, **context))
+
+
+def pieces(template: str, head: Head | None = None, **context: Any) -> Iterator[str]:
+    """Return the pieces of the page that `render` makes, in order, each when it is asked for: what
+    stands before a figure of a lazy context is there before the figure is drawn."""
+    return _engine().get_template(template).generate(head=head, **context)
 
 
 def filters() -> dict[str, Callable[..., Any]]:

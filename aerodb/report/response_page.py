@@ -1,6 +1,6 @@
 """Page of simulated responses: a version flown beside the flight, manoeuvre by manoeuvre."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -11,7 +11,7 @@ from aerodb.report.gate_lines import count_within
 from aerodb.report.glossary import listed
 from aerodb.report.head import Head
 from aerodb.report.labels import channel_scale
-from aerodb.report.page import render
+from aerodb.report.page import pieces
 from aerodb.report.qualification import feedback_words, qualification_table
 from aerodb.report.style import (
     DATABASE,
@@ -60,14 +60,15 @@ def response_report(
     summary: Mapping[str, Any] | None,
     stretches: Sequence[FlownStretch],
     head: Head | None = None,
-) -> str:
-    """Return the HTML page of a version's responses.
+) -> Iterator[str]:
+    """Return the HTML page of a version's responses in pieces: each stretch is drawn when its piece
+    is asked for.
 
     version, baseline : labels; baseline empty without one. summary : of `summarise_responses`.
     head : where the result comes from. Numbers are shown in display units (`channel_scale`).
     """
-    drawn = [(stretch, _picture(stretch, version, baseline)) for stretch in stretches[:_MOST]]
-    return render(
+    drawn = ((stretch, _picture(stretch, version, baseline)) for stretch in stretches[:_MOST])
+    return pieces(
         "responses.html",
         title=f"Responses of version {version}",
         version=version,

@@ -39,15 +39,14 @@ def diff(
     """
     from aerodb.storage.workspace import write_for_user
     from aerodb.tasks.references import version_of
-    from aerodb.tasks.view import compare_versions
+    from aerodb.tasks.view import compare_versions, draw_differences
 
     session: Session = context.obj
     workspace = session.workspace()
     catalogue = session.catalogue()
     old, new = version_of(catalogue, before, vehicle), version_of(catalogue, after, vehicle)
-    document, picture = compare_versions(
-        catalogue, old, new, figure.suffix if figure is not None else ""
-    )
+    document = compare_versions(catalogue, old, new)
+    picture = None if figure is None else draw_differences(catalogue, old, new, figure.suffix)
     released = catalogue.named(new.vehicle, "released")
     candidate = new.parent is not None and (released is None or released.version != new.id)
     then = f"aerodb version gate {new.label} --vehicle {new.vehicle}" if candidate else ""

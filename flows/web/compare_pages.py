@@ -11,7 +11,7 @@ from aerodb.nomenclature import is_surface
 from aerodb.report import beyond_data, beyond_words, channel_scale, edits_of
 from aerodb.storage.catalogue import VersionRow
 from aerodb.tables import AeroDatabase, breakpoints_over, scattered_over
-from aerodb.tasks.view import compare_versions, database_of
+from aerodb.tasks.view import compare_versions, database_of, draw_differences
 
 router = APIRouter(tags=["versions"])
 Reference = Annotated[
@@ -63,7 +63,7 @@ def diff_page(
             asked=(before, after, vehicle),
         )
     old, new = version_at(access, before, vehicle), version_at(access, after, vehicle)
-    difference, _ = compare_versions(access.catalogue, old, new)
+    difference = compare_versions(access.catalogue, old, new)
     labels = access.catalogue.flight_labels(
         {flight for term in difference["terms"] for flight in term["flights"]}
     )
@@ -89,10 +89,13 @@ def diff(
 ) -> Response:
     """The document of `aerodb version diff`."""
     access = access_of(request)
-    difference, _ = compare_versions(
-        access.catalogue, version_at(access, before, vehicle), version_at(access, after, vehicle)
+    return document(
+        compare_versions(
+            access.catalogue,
+            version_at(access, before, vehicle),
+            version_at(access, after, vehicle),
+        )
     )
-    return document(difference)
 
 
 @router.get("/diff/figure.svg", include_in_schema=False)
@@ -103,10 +106,10 @@ def diff_figure(
 ) -> Response:
     """Slices through two versions where they differ, as a figure."""
     access = access_of(request)
-    _, drawn = compare_versions(
+    drawn = draw_differences(
         access.catalogue, version_at(access, before, None), version_at(access, after, None), "svg"
     )
-    return Response(drawn or b"", media_type="image/svg+xml")
+    return Response(drawn, media_type="image/svg+xml")
 
 
 def _called(old: VersionRow, new: VersionRow) -> tuple[str, str, str]:

@@ -1,7 +1,7 @@
 """What every page needs: access to the workspace, answers as page or document, and links."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final
@@ -10,7 +10,7 @@ from urllib.parse import quote, urlencode
 import jinja2
 from fastapi import Query, Request
 from pydantic import BeforeValidator, Field
-from starlette.responses import Response
+from starlette.responses import Response, StreamingResponse
 
 from aerodb.flows.run import run_flow
 from aerodb.flows.web.guard import Guard
@@ -28,6 +28,8 @@ from aerodb.units import UNIT_SYSTEMS, UnitSystem, shown_units
 #: Entries of a page of a list.
 PER_PAGE: Final = 50
 _LONGEST: Final = 300
+#: Characters of a page that are sent at once while the rest is drawn.
+_PARCEL: Final = 4096
 #: Characters that a query may have as they are (RFC 3986), and what escapes the others.
 _OF_QUERIES: Final = "%/?:@!$&'()*+,;=-._~"
 
@@ -123,15 +125,34 @@ def page_of(request: Request, template: str, title: str, **context: Any) -> Resp
     return response
 
 
-def report(request: Request, text: str, more_policy: str = "") -> Response:
+def report(request: Request, text: str | Iterator[str], more_policy: str = "") -> Response:
     """Return a report as a self-contained page, with the folder of the workspace for those who may
-    release only; more_policy : a directive of its own, for its script."""
-    if not acts_as("release"):
-        root = console_of(request).root
-        text = text.replace(str(root), root.name)
+    release only; text : of the page, or its pieces, which are sent while it is drawn. more_policy :
+    a directive of its own, for its script."""
     policy = f"{REPORT_POLICY}; {more_policy}" if more_policy else REPORT_POLICY
     headers = {"content-security-policy": policy}
-    return Response(text.encode("utf-8", "replace"), 200, headers, "text/html; charset=utf-8")
+    root = console_of(request).root
+    told = str(root) if acts_as("release") else root.name
+    sent = (piece.replace(str(root), told) for piece in ([text] if isinstance(text, str) else text))
+    if isinstance(text, str):
+        return Response(_encoded(sent), 200, headers, "text/html; charset=utf-8")
+    return StreamingResponse(_parcels(sent), 200, headers, "text/html; charset=utf-8")
+
+
+def _encoded(pieces: Iterable[str]) -> bytes:
+    return "".join(pieces).encode("utf-8", "replace")
+
+
+def _parcels(pieces: Iterable[str]) -> Iterator[bytes]:
+    """Pieces of a page in parcels that are worth sending."""
+    waiting, size = list[str](), 0
+    for piece in pieces:
+        waiting.append(piece)
+        size += len(piece)
+        if size >= _PARCEL:
+            yield _encoded(waiting)
+            waiting, size = [], 0
+    yield _encoded(waiting)
 
 
 def address(path: str, **asked: Any) -> str:

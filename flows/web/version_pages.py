@@ -292,6 +292,7 @@ def version_responses(request: Request, version: str, vehicle: Vehicle = None) -
         "flights": flights,
         "independent": independent,
         "page": True,
+        "in_pieces": True,
     }
     return report(request, console_of(request).run(validate_flow, parameters)["page"])
 

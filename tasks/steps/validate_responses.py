@@ -1,6 +1,6 @@
 """The acid test of a version: its responses on held-out flights, summed up and drawn."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -279,9 +279,10 @@ def response_page(
     run: str,
     before: Sequence[Document] = (),
     summary: Document | None = None,
-) -> str:
+    in_pieces: bool = False,
+) -> str | Iterator[str]:
     """Return an HTML page with the responses (n,) of each manoeuvre against the flight, in display
-    units as [deg]."""
+    units as [deg]; in_pieces : as an iterator, which draws each figure when it is asked for."""
     access = access_workspace(workspace)
     labels = [
         access.catalogue.versions_by_id([documents[0]["version"]])[documents[0]["version"]].label
@@ -302,4 +303,5 @@ def response_page(
                 stretches.append(FlownStretch(name, stretch, responses, beside))
     result = access.catalogue.result(after[0]["key"]) if after else None
     head = head_of_result(access, result, user()) if result else None
-    return response_report(labels[0], labels[1], summary, stretches, head)
+    page = response_report(labels[0], labels[1], summary, stretches, head)
+    return page if in_pieces else "".join(page)

@@ -3,8 +3,8 @@
 Flights: `flights_document`, `flight_details`; `record_of` and `series_of` give channels for plots.
 Versions: `versions_document`, `version_details`, `history_document`, `table_document`, `waiting`;
 `evaluate_at` and `sweep` evaluate one; `trim_changes` says what one changes for the pilot. Lineage:
-`lineage_document`, `origins_document`, `impact_document`, `compare_versions`, `rebuilds`,
-`prov_of`. Findings: `findings_page`, `finding_document`. Logs that are not stored: `inspected_log`,
+`lineage_document`, `origins_document`, `impact_document`, `compare_versions`, `draw_differences`,
+`rebuilds`, `prov_of`. Findings: `findings_page`, `finding_document`. Logs: `inspected_log`,
 `logs_page`, `drafted_mapping`. Operation: `status_of`. `as_json` writes a document as text.
 
 Nothing here computes or stores a result.
@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from .json_documents import as_json
     from .lineage_documents import (
         compare_versions,
+        draw_differences,
         impact_document,
         origins_document,
         prov_of,

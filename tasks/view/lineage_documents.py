@@ -87,33 +87,36 @@ def inputs_of(catalogue: Catalogue, version: VersionRow) -> tuple[str, ...]:
     return database_of(catalogue, version).inputs
 
 
-def compare_versions(
-    catalogue: Catalogue, before: VersionRow, after: VersionRow, picture: str = ""
-) -> tuple[dict[str, Any], bytes | None]:
-    """Return the differences between two versions, and a figure if `picture` (a suffix like
-    ``.png``), in SI units. Raises InputError for another kind of figure."""
+def compare_versions(catalogue: Catalogue, before: VersionRow, after: VersionRow) -> dict[str, Any]:
+    """Return the differences between two versions, in SI units."""
     old, new = database_of(catalogue, before), database_of(catalogue, after)
-    document = {
+    return {
         "before": before.id,
         "after": after.id,
         **diff_document(diff(old, new)),
         "curve": curve_document(old, new),
     }
-    if not picture:
-        return document, None
-    kind = picture.lower().removeprefix(".")
+
+
+def draw_differences(
+    catalogue: Catalogue, before: VersionRow, after: VersionRow, suffix: str
+) -> bytes:
+    """Return slices through two versions as a figure of a kind that `suffix` names, like ``.png``.
+    Raises InputError for another kind."""
+    kind = suffix.lower().removeprefix(".")
     if kind not in FIGURE_KINDS:
         raise InputError(
-            f"unknown figure format '{picture}'", "--figure", nearest(kind, FIGURE_KINDS)
+            f"unknown figure format '{suffix}'", "--figure", nearest(kind, FIGURE_KINDS)
         )
     from aerodb.report import diff_figure
 
+    old, new = database_of(catalogue, before), database_of(catalogue, after)
     figure = diff_figure(
         old, new, (before.label, after.label), f"{after.vehicle}: {before.label} and {after.label}"
     )
     drawn = io.BytesIO()
     figure.savefig(drawn, format=kind, dpi=130)
-    return document, drawn.getvalue()
+    return drawn.getvalue()
 
 
 def origin_of_node(

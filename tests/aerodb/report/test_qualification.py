@@ -16,7 +16,7 @@ from aerodb.report.qualification import (
     qualification_table,
     standard_words,
 )
-from aerodb.report.response_page import response_report, tolerance_bands
+from aerodb.report.response_page import FlownStretch, response_report, tolerance_bands
 from aerodb.simulation import Oscillation, check_responses, parse_tolerances
 from aerodb.tasks.steps import default_tolerances, responses_summary, standard_document
 
@@ -128,8 +128,20 @@ def test_a_check_without_a_paragraph_says_so(summary: dict[str, Any]) -> None:
     assert (first.test, last.test) == ("2.c.10", UNCHECKED)
 
 
+def test_the_table_is_there_before_a_figure_is_drawn(summary: dict[str, Any]) -> None:
+    """The first stretch cannot be drawn: what stands before its figure is read all the same."""
+    nothing: dict[str, Any] = {"since": 0.0, "until": 1.0}
+    pieces = response_report("v0002", "", summary, [FlownStretch("flight", nothing, {}, {})])
+    read = list[str]()
+    with pytest.raises(KeyError, match="checks"):
+        read.extend(pieces)
+    said = "".join(read)
+    assert "Qualification table" in said
+    assert said.count("</table>") == said.count("<table")
+
+
 def test_a_page_has_the_table_with_the_result_beside_the_case(summary: dict[str, Any]) -> None:
-    tree = html.fromstring(response_report("v0002", "v0001", summary, []))
+    tree = html.fromstring("".join(response_report("v0002", "v0001", summary, [])))
     assert [h.text_content() for h in tree.xpath("//h2")] == ["Qualification table"]
     (table,) = tree.xpath("//table[@class='qualification']")
     cells = [cell.text_content() for cell in table.xpath(".//tr[last()]/td")]

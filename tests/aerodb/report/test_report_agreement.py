@@ -150,7 +150,7 @@ def test_pages_of_estimates_and_responses_begin_like_the_others() -> None:
             " standard errors); output-error: 1 parameter diverged.",
         ),
         (
-            response_report("v0002", "", summary, [], head),
+            "".join(response_report("v0002", "", summary, [], head)),
             "Left: outside tolerance spiral: bank (1).",
         ),
     ):
