@@ -61,7 +61,10 @@ def decision(
         ("found" if made else "strongest", named[:1]),
         ("proved", [_proof(document)] if made else []),
         ("gate", [_gate(document)] if made else []),
-        *((label, [text]) for label, text in (next_steps(document, given) if loop or made else ())),
+        *(
+            (label, [text])
+            for label, text in (next_steps(document, given, units) if loop or made else ())
+        ),
         ("also", named[1:]),
         ("wrong", _sensors(document, units) if made and loop else []),
         ("why", _why(document, rest) if made else []),

@@ -6,13 +6,21 @@ Commands repeat the options that the loop was asked with, so that they differ in
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
-from aerodb.report.glossary import advice_words, listed
+from aerodb.report.glossary import advice_words, effect_words, listed
+from aerodb.report.labels import for_people
 from aerodb.report.levels import to_declare
+from aerodb.report.numbers import number
+from aerodb.units import UnitSystem
 
 #: Most measurements that a sentence names, and effects that are accepted one by one.
 _MOST: Final = 3
 #: Options of `close-loop` that `update` has too.
 _OF_UPDATES: Final = ("--baseline", "--flights", "--hold-out", "--select")
+#: Errors of what the vehicle file states, or a channel of the log in its place.
+_STATED: Final = frozenset(
+    {"cg_offset", "mass_error", "inertia_error", "thrust_line_offset"}
+    | {"surface_scale", "surface_bias"}
+)
 #: Verdict of a finding -> the option of `close-loop` that adds it all the same.
 OPTIONS: Final = {
     "suspected": "--accept-suspected",
@@ -72,9 +80,11 @@ def accepting(document: Mapping[str, Any], given: Sequence[str] = ()) -> str:
     return again(document, given, options) if options else ""
 
 
-def next_steps(document: Mapping[str, Any], given: Sequence[str] = ()) -> list[tuple[str, str]]:
+def next_steps(
+    document: Mapping[str, Any], given: Sequence[str] = (), units: UnitSystem | None = None
+) -> list[tuple[str, str]]:
     """Return what to do next: ``next``, the gate of a candidate, else a command or what to fly;
-    then ``FILE``, what the model file of the command holds, or ``measure``, what its SIGMA are of.
+    then ``FILE``, what the file of the command holds, or ``measure``, what its SIGMA are of.
     Empty where nothing is known.
 
     given : options that the loop was asked with.
@@ -97,7 +107,29 @@ def next_steps(document: Mapping[str, Any], given: Sequence[str] = ()) -> list[t
         ]
     if command := accepting(document, given):
         return [("next", command)]
+    if corrected := _corrected(document, units):
+        return [("next", "aerodb vehicle add FILE"), ("FILE", corrected)]
     return [("next", f"fly: {advice_words(advice)}") for advice in document["next_flight"][:1]]
+
+
+def _corrected(document: Mapping[str, Any], units: UnitSystem | None) -> str:
+    """What the vehicle file has to say instead, of what was found to be stated wrong; empty where
+    the first finding is another. Each error is what is stated less what is true."""
+    found = [
+        each
+        for each in document["findings"]
+        if each["verdict"] == "sensor" and each["effect"] in _STATED
+    ]
+    if not found or found[0] is not document["findings"][0]:
+        return ""
+    sizes = []
+    for each in found[:_MOST]:
+        factor, unit = for_people(each["unit"], units)
+        size = factor * abs(each["value"])
+        shown = f"{number(100.0 * size)} %" if unit in ("-", "1") else f"{number(size)} {unit}"
+        side = "lower" if each["value"] > 0.0 else "higher"
+        sizes.append(f"{effect_words(each)} {shown} {side}")
+    return "; ".join(["what it states, or a channel of the log in its place, corrected", *sizes])
 
 
 def _accuracy(sigma: float, unit: str) -> str:

@@ -66,6 +66,22 @@ def test_a_wrong_sensor_beside_what_was_added_is_said_with_its_size() -> None:
     assert "wrong" not in told(published(loop([found()], [found()], [proof("CX", 0.02, 0.005)])))
 
 
+def test_what_the_vehicle_file_states_wrong_is_corrected_next() -> None:
+    """An error is what is stated less what is true: too far forward is corrected by less. A vane is
+    no matter of that file, and what heads the findings comes first."""
+    placed = found(verdict="sensor", hypothesis="cg_offset@all:x", value=0.0152, unit="m")
+    flap = found(verdict="sensor", hypothesis="surface_scale@all:flap", value=-0.0141)
+    vane = found(verdict="sensor", hypothesis="alpha_bias@all", value=0.01, unit="rad")
+    lines = told(loop([placed, flap, vane], [], [proof("CX", 0.02, 0.02)]))
+    assert lines["next"] == ("aerodb vehicle add FILE",)
+    assert lines["FILE"][0].endswith(
+        "along body x 0.0152 m lower; scale of the deflection of the flap 1.41 % higher"
+    )
+    assert "angle of attack" not in lines["FILE"][0]
+    other = told(loop([vane, placed], [], [proof("CX", 0.02, 0.02)]))
+    assert "FILE" not in other
+
+
 def test_levels_that_follow_a_condition_come_first_with_the_model_that_estimates_them() -> None:
     """The command has those options of the loop that an update has; a level that follows nothing is
     no step."""
