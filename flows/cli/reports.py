@@ -58,7 +58,7 @@ def flight(
         output,
         pdf,
         f"{row.vehicle}: report of {name}",
-        f"aerodb flight show {name} --vehicle {row.vehicle}",
+        f"aerodb flight show {row.id[:12]} --vehicle {row.vehicle}",
     )
 
 

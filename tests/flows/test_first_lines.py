@@ -85,6 +85,13 @@ def test_the_command_that_is_printed_runs(workspace: Path) -> None:
     assert asked(workspace, *shlex.split(command))["channels"]["load_factor"] == pytest.approx(1.3)
 
 
+def test_the_report_of_a_flight_leads_to_the_flight(workspace: Path, tmp_path: Path) -> None:
+    report = ("report", "flight", "flight1.csv", "--output", str(tmp_path / "flight.html"))
+    lines = answered(workspace, report, r"report of flight1\.csv.*: wrote flight\.html", NEXT)
+    command = next(line for line in lines if "aerodb flight show" in line).split("aerodb ")[1]
+    assert asked(workspace, *shlex.split(command))["flight"]
+
+
 def test_files_that_are_written_say_so_first(workspace: Path, tmp_path: Path) -> None:
     page, model, copy = tmp_path / "v.html", tmp_path / "glider.csv.zip", tmp_path / "copy"
     report = ("report", "version", "candidate", "--output", str(page))
