@@ -10,6 +10,7 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.groups import Commands
 from aerodb.flows.cli.output import Session
+from aerodb.support import counted
 
 app = typer.Typer(
     name="vehicle",
@@ -148,6 +149,9 @@ def list_vehicles(context: typer.Context) -> None:
     """
     session: Session = context.obj
     rows = session.catalogue().vehicles()
+    then = f"vehicle show {rows[-1].name}" if rows else "vehicle init NAME"
+    session.headlines(counted(len(rows), "vehicle"), (), f"aerodb {then}")
+    session.say()
     session.table(
         ["vehicle", "file", "since"],
         [[r.name, r.sha256[:12], f"{r.added_utc:%Y-%m-%d %H:%M}"] for r in rows],

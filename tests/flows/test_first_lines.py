@@ -47,6 +47,7 @@ def workspace(tmp_path_factory: pytest.TempPathFactory, shared: SharedWorkspaces
         ),
         ((*SWEEP, "--hold"), (r"CZ \S+ to \S+", "data +alpha flown .* faded out", NEXT)),
         (("user", "list"), ("no users", "next +aerodb user add")),
+        (("vehicle", "list"), ("1 vehicle", "next +aerodb vehicle show")),
         (("calibration", "list"), ("no calibration", "next +aerodb recalibrate")),
         (("verify",), ("no problems", "checked .*2 versions", NEXT)),
     ],
