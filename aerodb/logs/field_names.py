@@ -50,8 +50,8 @@ _NAMES: Final[dict[str, str]] = {
     rf"|(b_?)?{_NORMAL}_?acc?(el|eleration)?|{_ACCELERATION}_{_NORMAL}",
     "phi": r"phi|roll|bank(_?angle)?|roll_?(angle|attitude)|euler_?roll",
     "theta": r"theta|pitch|ptch|pitch_?(angle|attitude)|euler_?pitch",
-    "psi": r"psi|yaw|heading|hdg|hding|true_?heading|(hdg|heading|psi)_?true|(yaw|heading)_?angle"
-    r"|euler_?yaw|mag(netic)?_?(heading|hdg)|(heading|hdg)_?m(ag(netic)?)?",
+    "psi": r"psi(_?true)?|(true_?)?(yaw|head(ing)?|hd(in)?g)(_?(true|angle))?|euler_?yaw"
+    r"|mag(netic)?_?(heading|hdg)|(heading|hdg)_?m(ag(netic)?)?",
     "altitude": r"(alt(itude)?|height)(_?a?(msl|sl))?|h_?msl"
     rf"|gps_?alt(itude)?|alt(itude)?_?gps|{_BARO}|h",
     "pressure_altitude": r"press(ure)?_?(alt(itude)?|height)|p_?alt|h_?p|alt(itude)?_?press(ure)?"
@@ -213,7 +213,8 @@ _OPEN: Final[tuple[tuple[str, str, str], ...]] = (
     *((k, r"[a-z]+_?dot", "is it a rate about a body axis, or of the Euler angle?") for k in "pqr"),
     ("az_imu", r".*vert(ical)?.*", "along the body, or vertical over the earth?"),
     ("temperature", r"(air_?)?temp(erature)?", "is it that of the outside air?"),
-    ("psi", r"heading|hdg|hding", "is it true or magnetic?"),
+    ("psi", r"head(ing)?|hdg|hding", "is it true or magnetic?"),
+    *((k, r"g[xyz]", "is it a rate, or the bias of a gyro, or a load in g?") for k in "pqr"),
     ("velocity_down", r"vs", "is it the rate of climb?"),
     ("velocity_down", r"vario(_?met(er|ro))?", "is it the rate of climb, or that of total energy?"),
     ("pressure_altitude", r"h_?p", "is it pressure altitude?"),

@@ -44,6 +44,12 @@ _SIZES: Final = {
     "mach": (("1", 0.0, 8.0),),
     **dict.fromkeys(("throttle", *SHARES), (("1", 0.0, 1.01), ("percent", 1.01, 110.0))),
 }
+#: Channel -> unit, and the sizes up to which values of that unit in flight may be those of
+#: another: of psi, of kPa or mmHg, of lb/ft^3.
+_MIXED: Final = {
+    "static_pressure": {"inHg": 16.0, "hPa": 800.0},
+    "rho": {"kg/m^3": 0.09},
+}
 #: Standard gravity [m/s^2].
 _GRAVITY: Final = 9.80665
 #: MAVLink and ArduPilot write latitude and longitude as whole numbers of 1e-7 deg.
@@ -94,7 +100,8 @@ def unit_by_size(channel: str, si: str, size: float, values: Array) -> Sized:
                 return Sized(unit, f"about {level:.3g} in level flight")
     for unit, low, high in _SIZES.get(channel, ()):
         if low < size < high:
-            return Sized(unit, f"up to {size:.4g}", assumed=unit == "degC")
+            mixed = unit == "degC" or size < _MIXED.get(channel, {}).get(unit, 0.0)
+            return Sized(unit, f"up to {size:.4g}", assumed=mixed)
     why = f"assumed: neither log nor name says so, and values up to {size:.3g} allow other units"
     return Sized(si or "1", why, assumed=True)
 

@@ -12,7 +12,7 @@ from scipy.ndimage import uniform_filter1d
 from aerodb.errors import InputError
 from aerodb.logs.clocks import ClockColumn, clock_columns, counters, seconds_of, standing
 from aerodb.logs.draft_text import Frame, draft_text, frame_of
-from aerodb.logs.field_names import Named, named
+from aerodb.logs.field_names import Named, named, plain_name
 from aerodb.logs.field_units import Sized, believable, unit_by_size
 from aerodb.logs.mapping_file import Mapping as LogMapping
 from aerodb.logs.mapping_file import matching_topics
@@ -23,10 +23,19 @@ from aerodb.units import conversion, spelled
 
 _RATES: Final = (("phi", "p"), ("theta", "q"), ("psi", "r"))
 _LEAST_CORRELATION: Final = 0.9
-#: Angles, what they change the rate of with the same sign, and what to ask if they do not.
+_LEFT: Final = "is it positive to the left?"
+_BANKS: Final = f"it banks against its turns: {_LEFT}"
+_PITCHES: Final = "it pitches against its climbs: is it positive downwards?"
+#: Channel, what follows it, whether by its rate, with which sign, and what to ask of either if it
+#: does not: in turns, climbs, and by the forces of the air. The first of a channel that is there
+#: decides.
 _FOLLOWED: Final = (
-    ("phi", "psi", "it banks against its turns: is it positive to the left?"),
-    ("theta", "altitude", "it pitches against its climbs: is it positive downwards?"),
+    ("phi", "psi", True, 1.0, _BANKS, f"it turns against its banks: {_LEFT}"),
+    ("phi", "r", False, 1.0, _BANKS, f"it turns against the banks: {_LEFT}"),
+    ("theta", "altitude", True, 1.0, _PITCHES, ""),
+    ("theta", "velocity_down", False, -1.0, _PITCHES, ""),
+    ("alpha", "az_imu", False, -1.0, "lift falls as it grows: is it positive downwards?", ""),
+    ("beta", "ay_imu", False, -1.0, f"the side force grows with it: {_LEFT}", ""),
 )
 #: Time over which they are compared as means [s]: gusts and noise are shorter.
 _STEADY: Final = 2.0
@@ -42,8 +51,10 @@ _SAME: Final = 1e-3
 _LOADS: Final = re.compile(r"(n_?z|norm|load|g|lastviel|fac?tt?(e?ur|or))")
 #: Units that a mapping file writes as people do.
 _WRITTEN: Final = {"g0": "g", "dimensionless": "1"}
-#: Names that are a channel only beside others: components of velocity.
+#: Names of which one, beside ``v``, makes that a component of velocity.
 _COMPONENTS: Final = {"u", "w"}
+#: Letters that stand for rates together; one alone may be a gain, a radius, a pressure.
+_RATE_LETTERS: Final = frozenset("pqr")
 
 
 @dataclass(frozen=True)
@@ -188,6 +199,8 @@ def _by_names(recording: Recording, usable: Mapping[tuple[str, str], Array]) -> 
         if field == "v" and _COMPONENTS & set(recording.topics[topic].fields):
             continue
         guess = guess_by_name(recording.topics[topic], field, values)
+        if guess is not None and _is_letter_alone(guess, recording.topics[topic]):
+            guess = replace(guess, open="is it a turn rate? No other of p, q and r is beside it")
         if guess is not None:
             found.setdefault(guess.channel, []).append(guess)
     order = ("exact", "synonym", "part")
@@ -204,11 +217,18 @@ def _by_names(recording: Recording, usable: Mapping[tuple[str, str], Array]) -> 
         chosen[known] = best
     upward = chosen.get("az_imu")
     if upward is not None and upward.scale < 0 and not _LOADS.match(upward.field.lower()):
-        for known in ("ay_imu", "q", "r"):
+        for known in ("ay_imu", "q", "r", "beta"):
             if known in chosen and not chosen[known].open:
                 ask = f"{upward.field} points up: does this axis point the other way as well?"
                 chosen[known] = replace(chosen[known], open=ask)
     return chosen
+
+
+def _is_letter_alone(guess: Guess, topic: Topic) -> bool:
+    """Whether only a letter tells a rate, and neither its unit nor the other two letters do."""
+    letter = plain_name(guess.field)[0]
+    beside = {plain_name(field)[0] for field in topic.fields} & _RATE_LETTERS
+    return letter in _RATE_LETTERS and len(beside) == 1 and guess.confidence == "likely"
 
 
 def _in_si(guess: Guess, columns: Mapping[tuple[str, str], Array]) -> Array:
@@ -383,26 +403,47 @@ def _reversed(
     clocks: Mapping[str, ClockColumn],
     columns: Mapping[tuple[str, str], Array],
 ) -> Iterator[tuple[str, Guess]]:
-    """Angles of bank and pitch that go against the turns and climbs of the flight, with the
-    question about their sign."""
-    for angle, path, ask in _FOLLOWED:
-        if not {angle, path} <= guesses.keys() or guesses[angle].topic != guesses[path].topic:
+    """Angles that go against turns, climbs and forces of the flight, with the question about their
+    sign."""
+    compared: set[str] = set()
+    for angle, path, by_rate, sign, *asks in _FOLLOWED:
+        if not {angle, path} <= guesses.keys() or angle in compared:
             continue
-        if guesses[angle].open or not (guesses[angle].unit and guesses[path].unit):
+        together = _together(recording, guesses[angle], guesses[path], by_rate, clocks, columns)
+        if together is None or abs(together) < _LEAST_CORRELATION:
             continue
-        time = seconds_of(recording, guesses[angle].topic, clocks)
-        shown, way = (_in_si(guesses[name], columns) for name in (angle, path))
-        good = np.isfinite(time) & np.isfinite(shown) & np.isfinite(way)
-        width = max(1, round(_STEADY / max(float(np.median(np.diff(time))), 1e-6)))
-        if good.sum() < 10 * width:
-            continue
-        way = np.unwrap(way[good]) if path == "psi" else way[good]
-        rate = uniform_filter1d(np.gradient(way, time[good]), width)
-        shown = uniform_filter1d(shown[good], width)
-        with np.errstate(all="ignore"):
-            together = float(np.corrcoef(shown, rate)[0, 1])
-        if together < -_LEAST_CORRELATION:
-            yield angle, replace(guesses[angle], open=ask)
+        compared.add(angle)
+        for name, ask in zip((angle, path), asks, strict=True):
+            if sign * together < 0 and ask and not guesses[name].open:
+                yield name, replace(guesses[name], open=ask)
+
+
+def _together(
+    recording: Recording,
+    angle: Guess,
+    path: Guess,
+    by_rate: bool,
+    clocks: Mapping[str, ClockColumn],
+    columns: Mapping[tuple[str, str], Array],
+) -> float | None:
+    """Correlation of an angle with another channel, or with its rate, as means over some time;
+    None where too little is there."""
+    if angle.topic != path.topic or not (angle.unit and path.unit):
+        return None
+    time = seconds_of(recording, angle.topic, clocks)
+    shown, way = _in_si(angle, columns), _in_si(path, columns)
+    if not time.size == shown.size == way.size:
+        return None
+    good = np.isfinite(time) & np.isfinite(shown) & np.isfinite(way)
+    if not good.any():
+        return None
+    width = max(1, round(_STEADY / max(float(np.median(np.diff(time))), 1e-6)))
+    if good.sum() < 10 * width:
+        return None
+    way = np.unwrap(way[good]) if path.channel == "psi" else way[good]
+    rate = uniform_filter1d(np.gradient(way, time[good]) if by_rate else way, width)
+    with np.errstate(all="ignore"):
+        return float(np.corrcoef(uniform_filter1d(shown[good], width), rate)[0, 1])
 
 
 def _ratio(time: Array, angle: Array, rate: Array) -> float | None:

@@ -27,6 +27,8 @@ _BEHIND: Final = re.compile(
     r"([^/].*?)(?:\s*(?:,|\s/\s)[\s_]*\(?([^,()]+?)\)?|\s*/\s*(?:\(([^()]+)\)|([^/()\s]+))"
     r"|\s+in\s+(\S+)|\s+\{([^{}]+)\})\s*"
 )
+#: A unit before a slash: ``degrees/ROLL`` and ``ft Baro/AltB`` of CloudAhoy.
+_AHEAD: Final = re.compile(r"(G|[A-Za-z ]{2,})/([^/]+)")
 _INDEX: Final = re.compile(r"\d+(,\d+)*|[xyzXYZ]|")
 _SYMBOLS: Final = {"°": "deg", "°/s": "deg/s", "°C": "degC", "µs": "us"}
 #: Most columns of a table; a log of ArduPilot or PX4 has some 5,000 signals.
@@ -285,6 +287,8 @@ def split_unit(name: str, others: Sequence[str] = ()) -> tuple[str, str]:
     (('mach', '1'), ('gyro [1]', ''))
     >>> split_unit("V/(m/s)"), split_unit("alpha in deg"), split_unit("q {deg/s}")
     (('V', 'm/s'), ('alpha', 'deg'), ('q', 'deg/s'))
+    >>> split_unit("degrees/ROLL"), split_unit("m/s")
+    (('ROLL', 'degrees'), ('m/s', ''))
     """
     match = _UNIT.fullmatch(name)
     if match is not None and match[1] and not match[1].endswith("/"):
@@ -298,6 +302,9 @@ def split_unit(name: str, others: Sequence[str] = ()) -> tuple[str, str]:
         unit = next(each for each in behind.groups()[1:] if each is not None).strip()
         if is_spelled(unit):
             return behind[1].strip("_ "), _SYMBOLS.get(unit, unit)
+    ahead = _AHEAD.fullmatch(name)
+    if ahead is not None and is_spelled(ahead[1]) and not is_spelled(name):
+        return ahead[2], ahead[1]
     return name, ""
 
 
