@@ -20,7 +20,7 @@ def wind(values: dict[str, float], alpha: float, beta: float) -> dict[str, float
     return {"CL": -force @ down, "CD": -force @ ahead, "CS": force @ right}
 
 
-def slopes(alpha: float) -> dict[str, dict[str, float]]:
+def slopes(alpha: float, beta: float = 0.0) -> dict[str, dict[str, float]]:
     """Derivatives on body axes by alpha and beta, the rates and the controls, per rad each."""
 
     def about(function):
@@ -29,24 +29,26 @@ def slopes(alpha: float) -> dict[str, dict[str, float]]:
 
     degrees = np.rad2deg
     found = {
-        "Alpha": about(lambda x: lattice.at(alpha + degrees(x))),
-        "Beta": about(lambda x: lattice.at(alpha, degrees(x))),
+        "Alpha": about(lambda x: lattice.at(alpha + degrees(x), beta)),
+        "Beta": about(lambda x: lattice.at(alpha, beta + degrees(x))),
     }
     for name, turn in RATES.items():
-        found[name] = about(lambda x, t=turn: lattice.at(alpha, rates=x * np.array(t, dtype=float)))
+        found[name] = about(
+            lambda x, t=turn: lattice.at(alpha, beta, rates=x * np.array(t, dtype=float))
+        )
     for control in lattice.CONTROLS:
-        found[control] = about(lambda x, c=control: lattice.at(alpha, **{c: degrees(x)}))
+        found[control] = about(lambda x, c=control: lattice.at(alpha, beta, **{c: degrees(x)}))
     return found
 
 
-def stab(alpha: float) -> str:
-    """A `.stab` of VSPAERO at an angle of attack in degrees."""
-    base, by = lattice.at(alpha), slopes(alpha)
+def stab(alpha: float, beta: float = 0.0) -> str:
+    """A `.stab` of VSPAERO at an angle of attack and a sideslip in degrees."""
+    base, by = lattice.at(alpha, beta), slopes(alpha, beta)
     by = {**by, "Mach": dict.fromkeys(base, 0.0), "U": dict.fromkeys(base, 0.0)}
     x, y, z = lattice.POINT
     head = {
         "Sref_": lattice.AREA, "Cref_": lattice.CHORD, "Bref_": lattice.SPAN, "Xcg_": x, "Ycg_": y, "Zcg_": z,
-        "Mach_": 0.1, "AoA_": alpha, "Beta_": 0.0, "Rho_": 1.2, "Vinf_": 20.0,
+        "Mach_": 0.1, "AoA_": alpha, "Beta_": beta, "Rho_": 1.2, "Vinf_": 20.0,
         "Roll__Rate": 0.0, "Pitch_Rate": 0.0, "Yaw___Rate": 0.0,
     }  # fmt: skip
     text = ["*" * 60, "", "# Name                   Value      Units"]

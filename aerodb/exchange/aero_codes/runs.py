@@ -1,8 +1,8 @@
 """Runs of an aerodynamic code: totals and derivatives about a point, made a database.
 
 One run becomes handbook derivatives about its point. Several runs become tables over alpha (and
-Mach): the totals give the curves, so that the derivatives by alpha are not needed, and every other
-derivative is a table too.
+Mach, and sideslip where runs vary it on its own): the totals give the curves, so that the
+derivatives by these are not needed, and every other derivative is a table too.
 
 Forces are lift, drag and the body's side force, as these codes give them: their drag lies in the
 plane of symmetry. `C_drag` lies along the airflow and pushes a sideslipping aircraft sideways;
@@ -75,7 +75,7 @@ def database_of_runs(
     """Return the database of `runs`, all about the same reference.
 
     controls : regressor of the runs -> its variable. Raises InputError for runs that fill no grid
-    of alpha and Mach, and for one run without derivatives.
+    of alpha, sideslip and Mach, and for one run without derivatives.
     """
     if len(runs) == 1:
         return _linear(runs[0], name, reference, controls, source, notes)
@@ -126,32 +126,14 @@ def _tables(
     source: str,
     notes: Sequence[str],
 ) -> AeroDatabase:
-    alphas = distinct([run.state["alpha"] for run in runs])
-    machs = distinct([run.mach for run in runs])
-    over = {"alpha": alphas, **({"mach": machs} if len(machs) > 1 else {})}
-    nodes: dict[tuple[int, int], Run] = {}
-    for run in runs:
-        node = _place(alphas, run.state["alpha"]), _place(machs, run.mach)
-        if node in nodes:
-            raise InputError(
-                f"the same angle of attack and Mach number as the run at {nodes[node].where}",
-                run.where,
-                "give one run per angle of attack and Mach number; derivatives give the rest",
-            )
-        nodes[node] = run
-    if len(nodes) != len(alphas) * len(machs):
-        raise InputError(
-            f"{len(nodes)} runs for a grid of {len(alphas)} angles of attack and {len(machs)} Mach"
-            " numbers",
-            runs[0].where,
-            "run every angle of attack at every Mach number, or import one Mach number alone",
-        )
-    ordered = [nodes[i, j] for i in range(len(alphas)) for j in range(len(machs))]
+    over, ordered = _grid(runs)
+    if "beta" in over:
+        ordered = [_along_airflow(run) for run in ordered]
     shape = tuple(len(axis) for axis in over.values())
     tables: dict[str, Table] = {}
     terms: list[Term] = []
     sums: dict[str, str] = {}
-    others = (*MOTION[1:], *controls)
+    others = [each for each in (*MOTION, *controls) if each not in over]
     for axis in RUN_AXES:
         if not all(axis in run.totals for run in runs):
             continue
@@ -176,6 +158,52 @@ def _tables(
             written.append(text + factor)
         sums[axis] = " + ".join(written) or "0"
     return _finished(terms, _used(controls, sums), tables, sums, name, reference, source, notes)
+
+
+def _along_airflow(run: Run) -> Run:
+    """A run with sideslip whose drag in the plane of symmetry is that part of `C_drag`."""
+    share = math.cos(run.state["beta"])
+    totals = {**run.totals, "C_drag": run.totals["C_drag"] / share}
+    drags = {name: value / share for name, value in run.slopes.get("C_drag", {}).items()}
+    return replace(run, totals=totals, slopes={**run.slopes, "C_drag": drags})
+
+
+def _grid(runs: Sequence[Run]) -> tuple[dict[str, Array], list[Run]]:
+    """The axes of a grid of runs, alpha first, and the runs in its order. Sideslip is an axis where
+    runs differ in nothing else; else its derivatives take it to zero."""
+    every = {
+        "alpha": [run.state["alpha"] for run in runs],
+        "beta": [run.state.get("beta", 0.0) for run in runs],
+        "mach": [run.mach for run in runs],
+    }
+    places = {
+        name: [_place(distinct(values), value) for value in values]
+        for name, values in every.items()
+    }
+    without = set(zip(places["alpha"], places["mach"], strict=True))
+    used = [n for n in every if n != "beta" or len(without) < len(runs)]
+    nodes: dict[tuple[int, ...], Run] = {}
+    for run, *node in zip(runs, *(places[name] for name in used), strict=True):
+        if tuple(node) in nodes:
+            raise InputError(
+                "the same angle of attack, sideslip and Mach number as the run at"
+                f" {nodes[tuple(node)].where}",
+                run.where,
+                "give one run per angle of attack, sideslip and Mach number",
+            )
+        nodes[tuple(node)] = run
+    over = {name: distinct(every[name]) for name in used}
+    counts = [len(axis) for axis in over.values()]
+    if len(nodes) != math.prod(counts):
+        words = {"alpha": "angles of attack", "beta": "sideslips", "mach": "Mach numbers"}
+        grid = " by ".join(f"{n} {words[name]}" for name, n in zip(used, counts, strict=True))
+        raise InputError(
+            f"{len(nodes)} runs for a grid of {grid}",
+            runs[0].where,
+            "run every angle of attack at every sideslip and Mach number, or import one of these",
+        )
+    axes = {name: axis for name, axis in over.items() if name == "alpha" or len(axis) > 1}
+    return axes, [nodes[node] for node in sorted(nodes)]
 
 
 def _finished(

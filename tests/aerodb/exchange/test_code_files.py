@@ -50,6 +50,22 @@ def test_stability_runs_of_vspaero(runs: int, move: str) -> None:
     assert database.reference.moment_reference == pytest.approx((-0.08, 0.0, -0.02))
 
 
+def test_runs_of_vspaero_over_sideslip_are_tables_of_it() -> None:
+    """A sweep over both angles appends its runs to one file, as ``AoA`` and ``Beta`` of a case."""
+    betas = (-4.0, 0.0, 4.0)
+    sweep = "".join(code_files.stab(alpha, beta) for beta in betas for alpha in ALPHAS)
+    database = imported(sweep, ailerons="delta_aileron")
+    for alpha in ALPHAS:
+        for beta in betas:
+            got = predicted(database, alpha, beta)
+            assert got == pytest.approx(lattice.at(alpha, beta), abs=1e-6)
+            rolled = predicted(database, alpha, beta, rates=(0.004, 0, 0))
+            wanted = lattice.at(alpha, beta, rates=np.array([0.004, 0, 0]))
+            assert rolled == pytest.approx(wanted, abs=1e-4)
+    with pytest.raises(InputError, match="4 angles of attack by 3 sideslips"):
+        imported(*(code_files.stab(a, b) for b in betas for a in ALPHAS if (a, b) != (3.0, 4.0)))
+
+
 def test_groups_of_vspaero_are_asked_by_their_names() -> None:
     with pytest.raises(OpenQuestionsError) as caught:
         imported(code_files.stab(3.0).replace("Rudder", "Fin"))
