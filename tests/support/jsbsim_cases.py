@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from xml.etree import ElementTree
 
 import numpy as np
 
@@ -97,6 +98,35 @@ PA28 = Aircraft("pa28", {**C172P.channels, **_GEAR}, {}, (PUSHER,), (-4.0 * INCH
 C182 = Aircraft("c182", C172P.channels, {}, (PUSHER,), C172P.thrust_point, pushed)
 
 
+def upsetting_gear(root: ElementTree.Element) -> None:
+    """Pushed, and with a gear that pitches down and takes from the stability in yaw: few of
+    JSBSim's files have the one, none the other."""
+    pushed(root)
+    for axis, name, size, *factors in (
+        ("PITCH", "Cmgear", "-0.02", "metrics/cbarw-ft"),
+        ("YAW", "Cnbgear", "-0.03", "metrics/bw-ft", "aero/beta-rad"),
+    ):
+        (found,) = (each for each in root.iter("axis") if each.get("name") == axis)
+        made = ElementTree.SubElement(found, "function", name=f"aero/coefficient/{name}")
+        product = ElementTree.SubElement(made, "product")
+        for factor in ("aero/qbar-psf", "metrics/Sw-sqft", "gear/gear-pos-norm", *factors):
+            ElementTree.SubElement(product, "property").text = factor
+        ElementTree.SubElement(product, "value").text = size
+
+
+T37 = Aircraft(
+    "T37",
+    B737.channels,
+    {
+        "fcs/flap-pos-norm": "delta_flap",
+        "fcs/speedbrake-pos-norm": "delta_speed_brake",
+        "fcs/mag-elevator-pos-rad": "abs(delta_elevator)",
+    },
+    B737.thrust,
+    (-40 * INCH, 0.0, 0.0),
+)
+
+
 def _sign(number: int) -> int:
     return 1 - 2 * (number % 2)
 
@@ -172,6 +202,22 @@ def lowering_slowly(number: int) -> Plan:
     return replace(plan, start=start | angles, pushed=600.0, other=gear)
 
 
+def slipping(number: int) -> Plan:
+    """Sideslip with the gear down and with it up."""
+    s, plan = _sign(number), lowering(number)
+    at = (4, 17, 30, 41, 53, 64)
+    return replace(
+        plan,
+        rudder=together(*(doublet(t + 0.3 * number, 1.3, 0.35 * s) for t in at)),
+        other={"gear/gear-cmd-norm": plan.other["gear/gear-cmd-norm"]},
+    )
+
+
+def slipping_slowly(number: int) -> Plan:
+    """The same of a trainer, pushed."""
+    return replace(lowering_slowly(number), rudder=slipping(number).rudder)
+
+
 def approaching(number: int) -> Plan:
     """Down to a wing's height and along the ground, at several speeds, and up again."""
     s, incidence = _sign(number), 5.5 - 0.9 * (number % 4)
@@ -209,6 +255,14 @@ def approaching_faster(number: int) -> Plan:
         "ic/theta-deg": incidence,
     }
     return replace(approaching(number), start=start, pushed=280.0)
+
+
+def with_flaps(number: int) -> Plan:
+    """Flaps down by a third on approaches to a fly-by, and up again."""
+    flaps = pulses((7 + number, 1 / 3), (28 + number, 0.0), (46 + number / 2, 1 / 3), (64, 0.0))
+    height = pulses((-9, 60), (12 + number, 25), (51 + number, 70))
+    plan = approaching_faster(number)
+    return replace(plan, height=height, other={"fcs/flap-cmd-norm": flaps})
 
 
 def stalling(number: int) -> Plan:
@@ -268,6 +322,21 @@ CASES = {
         approaching_faster,
         set_to_one("aero/function/kCLge"),
         {"ground_effect@C_lift": "C_lift"},
+    ),
+    "T37 without the side force of its gear in sideslip": Case(
+        T37,
+        slipping,
+        without("aero/coefficient/DCYbdf"),
+        {"landing_gear_beta@C_side": "C_side"},
+    ),
+    "t6texan2 without the moments of its gear": Case(
+        replace(TEXAN, edit=upsetting_gear),
+        slipping_slowly,
+        without("aero/coefficient/Cmgear", "aero/coefficient/Cnbgear"),
+        {"landing_gear@Cm": "Cm", "landing_gear_beta@Cn": "Cn"},
+    ),
+    "pa28 without the pitching moment of its flaps": Case(
+        PA28, with_flaps, without("aero/coefficient/CmDf"), {"flap@Cm": "Cm"}
     ),
     "c182 without ground effect": Case(
         C182,

@@ -21,13 +21,17 @@ from tests.support.tracing_flights import DEGREE, coloured
 
 GEAR = "737 without the drag of its gear"
 STALL = "c172p without the hysteresis of its stall"
-#: In the suite: a slope, the hysteresis of a stall, and gear and ground effect of two aircraft that
-#: nothing was made with; the other cases run in `make campaign`.
+#: In the suite: a slope, the hysteresis of a stall, gear and ground effect of two aircraft that
+#: nothing was made with, and what gear and flaps do to moments and in sideslip; the other cases run
+#: in `make campaign`.
 _KEPT = (
     "f16 with an alpha slope 8 % too small",
     STALL,
     "t6texan2 without the drag of its gear",
     "c182 without ground effect",
+    "T37 without the side force of its gear in sideslip",
+    "t6texan2 without the moments of its gear",
+    "pa28 without the pitching moment of its flaps",
 )
 EACH = [pytest.param(name, marks=[] if name in _KEPT else pytest.mark.campaign) for name in CASES]
 
