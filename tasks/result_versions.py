@@ -13,9 +13,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "coefficients": 5,
     "compare": 17,
     "import": 2,
-    "fly": 5,
-    "estimate": 17,
-    "update": 24,
+    "fly": 6,
+    "estimate": 18,
+    "update": 25,
     "gram": 21,
     "close_loop": 64,
 }

@@ -7,14 +7,19 @@ from typing import Final, Literal
 import numpy as np
 
 from aerodb.coefficients import Coefficients, thrust_loads, with_states
+from aerodb.conditioning import despite_ground
 from aerodb.errors import InputError
 from aerodb.flight import Flight
+from aerodb.parts import contact_points
 from aerodb.physics import quaternion_from_euler, standard_atmosphere, to_earth
 from aerodb.signals import low_passed
+from aerodb.simulation.condition import Condition
 from aerodb.simulation.engine import FlightModel, Simulation, simulate
 from aerodb.simulation.flown_vehicle import MASS_PROPERTIES
 from aerodb.simulation.layout import FEEDBACK
+from aerodb.simulation.trim import trim
 from aerodb.support import Array
+from aerodb.tables import height_outside_ground_effect
 from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
 
 #: What a flight must have to be flown again.
@@ -71,12 +76,18 @@ def stretch_of(
     wind : as reconstructed, velocity over the earth minus velocity through the air, up to the
         bandwidth of the coefficients; or its mean over the stretch.
 
+    Time on the ground counts where the database has legs. The ground is where the height above it
+    says; where that is not known, out of reach of what depends on it.
+
     Raises InputError naming what the flight lacks: channels, usable samples at the start, an input
     without a gap of more than 1 s.
     """
     first = float(flight.time[0])  # people count from the first sample
     where = f"flight {flight.id[:12]}, {since - first:.1f} to {until - first:.1f} s"
     flight = with_states(with_mass_channels(flight, vehicle), model.database)
+    logged, legs = flight, len(contact_points(model.database)) > 0
+    if legs:
+        flight = despite_ground(flight)
     _require(flight, (*NEEDED, *model.inputs), where)
     inside = np.flatnonzero((flight.time >= since - 1e-9) & (flight.time <= until + 1e-9))
     if len(inside) < 3:
@@ -90,6 +101,8 @@ def stretch_of(
     altitude = _optional(flight, "altitude", whole, notes)
     series = {name: known[name] for name in (*MASS_PROPERTIES, *model.inputs)}
     series["Ixy"] = series["Iyz"] = np.zeros(len(time))
+    _ground(series, model, flight, altitude, whole, where, notes)
+    rolls = legs and bool(flight.usable()[whole.start] and not logged.usable()[whole.start])
     air = standard_atmosphere(altitude)
     if "rho" in flight:
         series["density_ratio"] = bridged(flight, "rho", whole, where) / air.density
@@ -111,6 +124,8 @@ def stretch_of(
     _wind(series, flight, known, psi, whole, cut if wind == "measured" else None, notes)
     start = {name: float(known[name][0]) for name in NEEDED}
     start |= {"psi": float(psi[0]), "altitude": float(altitude[0])}
+    if rolls:
+        start |= _on_its_legs(model, start["V"], series)
     start |= {state.name: float(flight[state.name][whole][0]) for state in model.total.states}
     references = {FEEDBACK[int(channel)] for channel in model.numbers.gains[:, 1]}
     series |= {f"reference_{channel}": known[channel] for channel in references}
@@ -294,6 +309,43 @@ def _infer_thrust(
     reason = "thrust is not known: the force along x is inferred from the flight's acceleration"
     notes.append(reason)
     return {"V": reason, "ax": reason}
+
+
+def _ground(
+    series: dict[str, Array],
+    model: FlightModel,
+    flight: Flight,
+    altitude: Array,
+    whole: slice,
+    where: str,
+    notes: list[str],
+) -> None:
+    """Add the altitude of the ground below the flight, where the database depends on its height."""
+    outside = height_outside_ground_effect(model.database)
+    if outside is None:
+        return
+    if "height_above_ground" in flight:
+        below = altitude - bridged(flight, "height_above_ground", whole, where)
+        level = len(contact_points(model.database)) > 0  # a runway: noise is no bump
+        series["ground_altitude"] = np.full(len(below), np.median(below)) if level else below
+        return
+    if len(contact_points(model.database)):
+        raise InputError(
+            "the flight lacks height_above_ground",
+            where,
+            "map it: the altitude less that of the runway, the datum of the vehicle on its legs"
+            " included",
+        )
+    notes.append("height above ground is not known: it was flown outside ground effect")
+    series["ground_altitude"] = np.full(len(altitude), float(altitude.min()) - outside)
+
+
+def _on_its_legs(model: FlightModel, speed: float, series: Mapping[str, Array]) -> dict[str, float]:
+    """Altitude [m], bank and pitch [rad] at which the legs carry a vehicle that rolls at a speed
+    [m/s]: errors of a measured height would throw it up."""
+    at_start = {name: float(values[0]) for name, values in series.items()}
+    carried = trim(model, Condition(speed, at_start["ground_altitude"], ground=True), at_start)
+    return {name: float(carried.start[name]) for name in ("altitude", "phi", "theta")}
 
 
 def _wind(

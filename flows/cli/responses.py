@@ -16,7 +16,9 @@ _NAMED: Final = 3
 
 Tolerances = Annotated[
     Path | None,
-    typer.Option(help="Tolerances as TOML; default: 14 CFR 60 appendix A."),
+    typer.Option(
+        help="Tolerances as TOML, or engine-failure: of a take-off; default: 14 CFR 60 appendix A."
+    ),
 ]
 Wind = Annotated[str, typer.Option(help="measured: gusts as reconstructed; mean: of each stretch.")]
 Stabilise = Annotated[

@@ -8,7 +8,6 @@ from typing import Any, Literal
 import numpy as np
 
 from aerodb.flows.library.flights import ComparedFlight
-from aerodb.flows.library.logs import read_text
 from aerodb.flows.library.tracing import TracedFlights, flights_in_memory, segments_of
 from aerodb.flows.library.updating import UpdatedDatabase
 from aerodb.flows.library.views import Data, Result, Summary, Values, number
@@ -20,6 +19,7 @@ from aerodb.tasks.steps import (
     default_tolerances,
     fly_window,
     manoeuvre_windows,
+    read_tolerances,
     responses_summary,
     standard_document,
 )
@@ -134,7 +134,8 @@ def validate(
     database : or what `update` or `trace` returned, whose candidate flies.
     against : flown beside it; None: its baseline, where a result is given.
     wind, stabilise, trimmed : as the options of the command.
-    tolerances : a file of tolerances (TOML), or its text; None: 14 CFR 60 appendix A.
+    tolerances : a file of tolerances (TOML), its text, or ``engine-failure``; None: 14 CFR 60
+        appendix A.
 
     Raises InputError for flights of several vehicles, and for tolerances that cannot be read.
     Responses are in SI units.
@@ -180,4 +181,4 @@ def validate(
 def _text(tolerances: str | Path) -> str:
     if isinstance(tolerances, str) and "\n" in tolerances:
         return tolerances
-    return read_text(tolerances)
+    return read_tolerances(Path(tolerances))

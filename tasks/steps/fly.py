@@ -54,23 +54,37 @@ PHUGOID_FROM: Final = 0.7
 LONGEST: Final = 20.0
 
 
+#: Tolerances beside the default that come with aerodb: name -> file.
+SHIPPED: Final = {"engine-failure": "engine_failure.toml"}
+
+
 def default_tolerances() -> str:
     """Return the text (TOML) of the tolerances that come with aerodb.
 
     Source: 14 CFR part 60, appendix A, table A2A, edition of 1 January 2014.
     """
-    return (resources.files("aerodb.simulation") / "tolerances.toml").read_text("utf-8")
+    return _shipped("tolerances.toml")
+
+
+def _shipped(name: str) -> str:
+    return (resources.files("aerodb.simulation") / name).read_text("utf-8")
 
 
 def read_tolerances(path: Path) -> str:
-    """The text of a file of tolerances; InputError where it cannot be read.
+    """The text of tolerances by the name of some of `SHIPPED`, or of a file; InputError where it
+    cannot be read.
 
     The same form as `default_tolerances`.
     """
+    if str(path) in SHIPPED:
+        return _shipped(SHIPPED[str(path)])
     try:
         return path.read_text("utf-8")
     except (OSError, UnicodeDecodeError) as error:
-        raise InputError(f"cannot be read: {error}", str(path), "name a TOML file") from None
+        known = ", ".join(SHIPPED)
+        raise InputError(
+            f"cannot be read: {error}", str(path), f"name a TOML file, or {known}"
+        ) from None
 
 
 def fly_version(

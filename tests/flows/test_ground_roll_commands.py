@@ -183,6 +183,38 @@ def test_the_console_draws_how_a_roll_slows_down(workspace: Path) -> None:
         assert "stands still after" in page.xpath("//h3")[0].text
 
 
+def test_a_roll_is_within_tolerance_with_its_friction_and_outside_with_another(
+    workspace: Path,
+) -> None:
+    """JSBSim's roll in calm, flown again without feedback: brakes that are 20 % wrong leave the
+    airspeed's 3 kt, those that another roll shows do not; nor is it thrown off its springs."""
+    first, second = ingested(workspace, 0.0, 2, 6.0)
+    far = workspace / "far.toml"
+    text = (workspace / "wheels.toml").read_text(encoding="utf-8")
+    assert "mu_brake = { value = 0.25" in text
+    far.write_text(
+        text.replace("mu_brake = { value = 0.25", f"mu_brake = {{ value = {1.2 * BRAKES}")
+    )
+    imported = asked(workspace / "w", "database", "import", str(far), "--vehicle", "wheels")[
+        "label"
+    ]
+    given = ("--model", str(workspace / "brakes.toml"), "--baseline", imported, "--flights", first)
+    found = asked(workspace / "w", "update", *given, "--direct")
+    how = ("--from", "0", "--to", "33", "--no-stabilise", "--tolerances", "engine-failure")
+    within = {}
+    for label in (imported, found["label"]):
+        flown = asked(workspace / "w", "version", "fly", label, "--flight", second, *how)
+        (stretch,) = flown["stretches"]
+        checks = {each["check"].rpartition(" ")[2]: each for each in stretch["checks"]}
+        assert set(checks) == {"airspeed", "altitude", "attitude", "bank"}
+        assert all(each["passed"] for name, each in checks.items() if name != "airspeed")
+        within[label] = checks["airspeed"]
+    assert not within[imported]["passed"]
+    assert within[imported]["bands"][0]["limit"] == pytest.approx(3.0 * 1852.0 / 3600.0)
+    assert within[found["label"]]["passed"]
+    assert within[found["label"]]["share"] > 0.99
+
+
 def test_a_log_without_wheels_and_airspeed_is_refused_as_before(workspace: Path) -> None:
     channels = measured(rolled_in_jsbsim(BRAKES, (0.0, 0.0), LEVEL), 5)
     gone = {*LACKING["no-airspeed"], "brake", "steering"}

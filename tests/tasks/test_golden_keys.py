@@ -36,10 +36,10 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "compare": (17, "d3f0f7f7567f62f5", "75ab953bf9aaf46f"),
     "gram": (21, "fe00887cf57cadc3", "a41b3127f3bfd9d7"),
     "close_loop": (64, "4df98ac736719f27", "b7cd226038e57476"),
-    "fly": (5, "f26f51e28c416847", "c1e07fb83cde1a03"),
+    "fly": (6, "4dc5eb744ee56ae4", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
-    "estimate": (17, "1b71eb9de4260b25", "be09817f5df27dda"),
-    "update": (24, "4539a799eb168bd3", "6b1983884f9e9ae7"),
+    "estimate": (18, "6b767c6c245d6e4c", "be09817f5df27dda"),
+    "update": (25, "40dde01ca32cd50e", "6b1983884f9e9ae7"),
 }
 
 #: The test's own mapping: the built-in ones may learn new channels without anything here changing.
