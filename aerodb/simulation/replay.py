@@ -320,18 +320,23 @@ def _ground(
     where: str,
     notes: list[str],
 ) -> None:
-    """Add the altitude of the ground below the flight, where the database depends on its height."""
+    """Add the altitude of the ground below the flight, where the database depends on its height.
+
+    Between samples of the height the ground goes on: altimeters lose it high above.
+    """
     outside = height_outside_ground_effect(model.database)
     if outside is None:
         return
-    if "height_above_ground" in flight:
-        below = altitude - bridged(flight, "height_above_ground", whole, where)
-        level = len(contact_points(model.database)) > 0  # a runway: noise is no bump
-        series["ground_altitude"] = np.full(len(below), np.median(below)) if level else below
+    legs, name = len(contact_points(model.database)) > 0, "height_above_ground"
+    if name in flight and (good := flight.usable([name])[whole]).any():
+        at = np.flatnonzero(good)
+        ground = np.interp(np.arange(len(good)), at, (altitude - flight[name][whole])[at])
+        # A runway: noise is no bump.
+        series["ground_altitude"] = np.full(len(ground), np.median(ground)) if legs else ground
         return
-    if len(contact_points(model.database)):
+    if legs and name not in flight:
         raise InputError(
-            "the flight lacks height_above_ground",
+            f"the flight lacks {name}",
             where,
             "map it: the altitude less that of the runway, the datum of the vehicle on its legs"
             " included",

@@ -27,7 +27,7 @@ def approach() -> Flight:
     start = {**plan.start, "ic/terrain-elevation-ft": ELEVATION}
     start["ic/h-sl-ft"] = start["ic/h-sl-ft"] + ELEVATION
     channels = flown(C172P, replace(plan, start=start))
-    time = STEP * np.arange(len(channels["V"]))
+    time = np.arange(len(channels["V"]), dtype=np.float64) * STEP
     return Flight("approach", "c172p", time, channels)
 
 
@@ -60,3 +60,10 @@ def test_without_a_height_it_is_flown_outside_ground_effect_and_said() -> None:
     assert any("outside ground effect" in note for note in path.notes)
     height = path.flown["altitude"] - path.series["ground_altitude"]
     assert height.min() > 1.1 * DATABASE.reference.span
+
+
+def test_a_height_that_is_lost_leaves_the_ground_where_it_was() -> None:
+    whole = approach()
+    lost = np.where(whole.time > SINCE + 2.0, np.nan, whole["height_above_ground"])
+    path = stretch(whole.with_channels({"height_above_ground": lost}))
+    assert path.series["ground_altitude"] == pytest.approx(ELEVATION * FOOT, abs=0.1)
