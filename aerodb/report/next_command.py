@@ -109,21 +109,7 @@ def next_steps(
         return [("next", command)]
     if corrected := _corrected(document, units):
         return [("next", "aerodb vehicle add FILE"), ("FILE", corrected)]
-    return [("next", _advised(advice)) for advice in document["next_flight"][:1]]
-
-
-def _advised(advice: str) -> str:
-    """What to do first, then what for: an advice begins with its subject.
-
-    >>> _advised("nothing is known of flap@CZ, flap@Cm, flap@CX: excite delta_flap")
-    'fly: excite flap (nothing is known of the effectiveness of the flap on CZ and 2 more)'
-    """
-    subject, _, action = advice.partition(": ")
-    if action.startswith("an independent calibration"):
-        return f"measure: {advice_words(action)}"
-    first, *others = subject.split(", ")
-    more = f" and {len(others)} more" if others else ""
-    return f"fly: {advice_words(action)} ({advice_words(first)}{more})"
+    return [("next", advice_words(advice)) for advice in document["next_flight"][:1]]
 
 
 def _corrected(document: Mapping[str, Any], units: UnitSystem | None) -> str:

@@ -93,22 +93,19 @@ def _separation(
             tests.tested(terms, freed, FEWEST_SUSPECTED),
             tests.flight_estimates((*terms, other), freed),
         )
-    start = f"{names[mover].id} or {names[other].id}: "
+    why = f"to tell {names[mover].id} from {names[other].id}"
     free = [name for name in names[mover].drivers if name not in names[other].drivers]
     tied = ", ".join(names[other].drivers)
     value, per_flight = float(alone.mean[mover]), float(beside.information_before[:, mover].max())
     if not free or value == 0.0 or per_flight == 0.0:
-        return (
-            f"{start}both move with {tied}; a flight over a wider range of it, with fast and slow"
-            " inputs, tells them apart"
-        )
+        return f"fly over a wider range of {tied}, with fast and slow inputs, {why}"
     factor = excitation_needed(
         value, float(beside.information[:, mover].sum()), per_flight, tests.settings.level
     )
     held = f"while {tied} stays as it is" if tied else "with nothing else moving"
     return (
-        f"{start}move {', '.join(free)} on its own,"
-        f" {_amount(names[mover], normal_equations, factor)} in one flight, {held}"
+        f"move {', '.join(free)} on its own,"
+        f" {_amount(names[mover], normal_equations, factor)} in one flight, {held}, {why}"
     )
 
 
@@ -139,16 +136,14 @@ def _calibration(tests: CrossFlightTests, explanation: Explanation, needed: Want
     """Return how well the first sensor of a set must be known by other means."""
     names = tests.campaign.hypotheses
     rival = next(iter((*explanation.sensors, *explanation.rivals)))
-    start = f"{names[explanation.index].id} or {names[rival].id}: an independent"
     where = (
         f"state it as [measured.{needed.parameter}] in the vehicle file, or with --measured"
         f" {needed.parameter}=SIGMA"
     )
-    if needed.sigma is None:
-        return f"{start} calibration of {needed.parameter} decides; {where}"
+    known = "" if needed.sigma is None else f" to {with_unit(needed.sigma, needed.unit, 2)}"
     return (
-        f"{start} calibration that knows {needed.parameter} to"
-        f" {with_unit(needed.sigma, needed.unit, 2)} decides; {where}"
+        f"calibrate {needed.parameter}{known} by other means, to tell"
+        f" {names[explanation.index].id} from {names[rival].id}; {where}"
     )
 
 
@@ -158,8 +153,8 @@ def _more_flights(tests: CrossFlightTests, decision: Decision, index: int) -> st
     name = tests.campaign.hypotheses[index]
     flights = counted(lacking, "more flight")
     return (
-        f"{name.id}: {flights} with {', '.join(name.drivers) or 'it'} excited as so far, at least,"
-        " to test it"
+        f"fly {flights} with {', '.join(name.drivers) or 'it'} excited as so far, at least, to test"
+        f" {name.id}"
     )
 
 
@@ -178,12 +173,12 @@ def _unseen(tests: CrossFlightTests, decision: Decision) -> list[str]:
         elif test.inflation[index] > tests.settings.inflation_limit:
             tied.setdefault(hypothesis.drivers, []).append(hypothesis.id)
     sentences = [
-        f"nothing is known of {', '.join(ids)}: excite {', '.join(drivers)}"
+        f"excite {', '.join(drivers)}: nothing is known of {', '.join(ids)}"
         for drivers, ids in sorted(idle.items())
     ]
     for drivers, ids in sorted(tied.items()):
         sentences.append(
-            f"{', '.join(ids)} cannot be told from the rest of the motion: move"
-            f" {', '.join(drivers)} on its own"
+            f"move {', '.join(drivers)} on its own: {', '.join(ids)} cannot be told from the rest"
+            " of the motion"
         )
     return sentences[:MOST]
