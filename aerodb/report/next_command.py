@@ -96,6 +96,8 @@ def next_steps(
         shared = [option for option in given if option.split()[0] in _OF_UPDATES]
         words = ["aerodb update --vehicle", document["vehicle"], *shared, "--model FILE"]
         return [("next", " ".join(words)), ("FILE", model)]
+    if corrected := _corrected(document, units):
+        return [("next", "aerodb vehicle add FILE"), ("FILE", corrected)]
     wanted = measurements(document)
     if wanted and (not to_try(document) or document["findings"][0].get("wanted")):
         sizes = [f"{name} to {size}" if size else name for name, size in wanted.items()]
@@ -107,8 +109,6 @@ def next_steps(
         ]
     if command := accepting(document, given):
         return [("next", command)]
-    if corrected := _corrected(document, units):
-        return [("next", "aerodb vehicle add FILE"), ("FILE", corrected)]
     return [("next", advice_words(advice)) for advice in document["next_flight"][:1]]
 
 

@@ -29,6 +29,7 @@ from aerodb.loop import (
     with_model_error,
 )
 from aerodb.report import decision, loop_document
+from aerodb.support import one_blas_thread
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps import reconstruction_of
 from aerodb.tracing import Finding, UnexplainedResidual
@@ -180,13 +181,14 @@ def trace(
     requested = None if hold_out is None else [each.measured.flight.id for each in hold_out]
     split = choose_hold_out(list(source.flown), {}, requested)
     templates = "" if effects is None else read_text(effects)
-    library = freeze_library(source, split.identified, baseline, templates, measured=measured)
-    loop, (validation,), left = until_all_gain(
-        lambda out: run_loop(source, split.identified, baseline, library, accept, out),
-        lambda loop: (validate_loop(source, split, library, loop, accept),),
-        lambda loop: unexplained_residuals(source, split.identified, loop.candidate, library),
-    )
-    loop = replace(loop, candidate=with_model_error(source, split.identified, loop, library))
+    with one_blas_thread():  # more of them wait for each other
+        library = freeze_library(source, split.identified, baseline, templates, measured=measured)
+        loop, (validation,), left = until_all_gain(
+            lambda out: run_loop(source, split.identified, baseline, library, accept, out),
+            lambda loop: (validate_loop(source, split, library, loop, accept),),
+            lambda loop: unexplained_residuals(source, split.identified, loop.candidate, library),
+        )
+        loop = replace(loop, candidate=with_model_error(source, split.identified, loop, library))
     names = {each.measured.flight.id: each.measured.reconstructed.log.name for each in flights}
     return TracedFlights(
         loop,
