@@ -244,7 +244,7 @@ def _bounds(document: Mapping[str, Any], decided: bool) -> list[dict[str, Any]]:
 
 
 def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
-    """Slices through both databases, residuals over each variable, and time histories.
+    """Slices through both databases, residuals over what they depend on most, and histories.
 
     Empty where no flight can be compared.
     """
