@@ -23,7 +23,8 @@ def fitted_modes(
 
     Standard errors follow from the covariance of the estimates, to first order (delta method): a
     fixed parameter has none. No modes have a model without the states of a longitudinal or lateral
-    oscillation, one whose matrix A differs between records, and a fit that lacks an entry of it.
+    oscillation, one whose matrix A differs between records, and a fit that lacks an entry of it or
+    did not converge.
 
     References
     ----------
@@ -32,7 +33,7 @@ def fitted_modes(
     chapter 2 (derivative of an eigenvalue).
     """
     states = frozenset(file.state_space.states)
-    if not any(all(states & names for names in motion) for motion in _MOTIONS):
+    if not fit.converged or not any(all(states & names for names in motion) for motion in _MOTIONS):
         return ()
     made = file.model(records)
     model = made if isinstance(made, StateSpace) else made.model

@@ -129,6 +129,10 @@ def _signals(log: MappedLog, vehicle: Vehicle) -> tuple[dict[str, LoggedSignal],
             entries[f"delta_{name}"] = ChannelMapping(
                 name=f"delta_{name}", sources=(place,), command=True
             )
+        elif f"delta_{name}" not in entries and "p" in entries:
+            # A field beside the rates that bears the channel's own name is that surface.
+            place = Source(topic=entries["p"].sources[0].topic, field=f"delta_{name}")
+            entries[f"delta_{name}"] = ChannelMapping(name=f"delta_{name}", sources=(place,))
     calibrated = {f"delta_{name}": surface for name, surface in vehicle.surfaces.items()}
     for name, rotor in vehicle.rotors.items():
         place = Source(topic=rotor.log.topic, field=rotor.log.field, unit="1")

@@ -21,6 +21,8 @@ from aerodb.tables import Rate
 #: Step of central differences, in rad and in the scale of each unknown.
 STEP: Final = 1e-5
 AXES: Final = ("roll", "pitch", "yaw")
+#: What a search may go beyond the limits of a control, as a share of their distance.
+_ROOM: Final = 1e-6
 #: Bounds of the unknowns that are no deflections [rad, rad/s].
 BOUNDS: Final = {
     "alpha": (-1.0, 1.0), "beta": (-0.7, 0.7), "phi": (-1.55, 1.55), "climb": (-1.5, 1.5),
@@ -186,14 +188,19 @@ def load_factors(run: Simulation) -> Array:
 
 
 def control_inputs(
-    model: FlightModel, condition: Condition, inputs: Mapping[str, float], free: Sequence[str]
+    model: FlightModel,
+    condition: Condition,
+    inputs: Mapping[str, float],
+    free: Sequence[str],
+    limits: Mapping[str, tuple[float, float]],
 ) -> dict[str, Control]:
     """Return the roll, pitch and yaw control among `free` inputs, from their moments.
 
     Two surfaces of mirrored effect (equal in pitch, opposite in roll and yaw, or the reverse) are
-    moved together or against each other. The three controls whose moments span the largest volume
-    are taken; an axis that no input moves has no control. Deflections are in [rad], moments
-    dimensionless.
+    moved together or against each other. Where their `limits` exclude one of these, as those of
+    rudders that each move outwards only, each is a control by itself as well. The three controls
+    whose moments span the largest volume are taken; an axis that no input moves has no control.
+    Deflections are in [rad], moments dimensionless.
     """
     if not free:
         return {}
@@ -218,7 +225,11 @@ def control_inputs(
                 paired |= {i, j}
                 for way in (1.0, -1.0):
                     gains = {free[i]: 1.0, free[j]: way}
-                    candidates.append((gains, power[:, i] + way * power[:, j]))
+                    low, high = _ends(gains, inputs, limits)
+                    if low < high:
+                        candidates.append((gains, power[:, i] + way * power[:, j]))
+                    else:
+                        candidates += [({free[k]: 1.0}, power[:, k]) for k in (i, j)]
                 break
     candidates += [({free[k]: 1.0}, power[:, k]) for k in range(m) if k not in paired]
     effects = np.array([effect for _, effect in candidates]).T
@@ -239,6 +250,17 @@ def control_inputs(
         AXES[axes[row]]: candidates[best[1][column]][0]
         for row, column in zip(rows, columns, strict=True)
     }
+
+
+def _ends(
+    control: Control, inputs: Mapping[str, float], limits: Mapping[str, tuple[float, float]]
+) -> tuple[float, float]:
+    """Lowest and highest value of a control [rad] at which its inputs are within their limits."""
+    low, high = -np.inf, np.inf
+    for name, gain in control.items():
+        ends = (np.array(limits.get(name, (-np.inf, np.inf))) - inputs.get(name, 0.0)) / gain
+        low, high = max(low, float(ends.min())), min(high, float(ends.max()))
+    return low, high
 
 
 def problem_of(
@@ -283,7 +305,7 @@ def problem_of(
     if missing:
         taken = {name for control in chosen.values() for name in control}
         free = [n for n in model.inputs if is_surface(n) and n not in inputs and n not in taken]
-        found = control_inputs(model, condition, given, free)
+        found = control_inputs(model, condition, given, free, limits)
         chosen |= {axis: found[axis] for axis in missing if axis in found}
     named_controls = {_name_of(control): control for control in chosen.values()}
     fixed = condition.fixed
@@ -293,12 +315,18 @@ def problem_of(
     bounds = [BOUNDS.get(name, (-np.inf, np.inf)) for name in unknowns]
     scales = [1.0] * len(unknowns)
     for name, control in named_controls.items():
-        low, high = -np.inf, np.inf
-        for surface, gain in control.items():
-            ends = (np.array(limits.get(surface, (-np.inf, np.inf))) - given[surface]) / gain
-            low, high = max(low, ends.min()), min(high, ends.max())
+        low, high = _ends(control, given, limits)
+        if low >= high:
+            raise InputError(
+                f"the limits of {' and '.join(control)} leave no common movement",
+                where,
+                "name one of them as the control",
+            )
+        # A search inside its bounds reaches a deflection at a limit, such as 0 of a rudder that
+        # moves outwards only; `trim` tells what is beyond.
+        room = _ROOM * (high - low) if np.isfinite(high - low) else 0.0
         unknowns.append(name)
-        bounds.append((low, high))
+        bounds.append((low - room, high + room))
         scales.append(1.0)
     if condition.climb is None:
         unknowns.append("climb")

@@ -100,12 +100,12 @@ def plus_minus(value: float, error: float | None, digits: int = 4, factor: float
 def percent(share: float | None) -> str:
     """Return a share in per cent, and '-' where there is none.
 
-    >>> percent(0.1234), percent(4.86), percent(None)
-    ('12 %', '486 %', '-')
+    >>> percent(0.1234), percent(0.997), percent(4.86), percent(None)
+    ('12 %', '100 %', '486 %', '-')
     """
     if share is None or not math.isfinite(share):
         return "-"
-    return f"{100.0 * share:.2g} %" if share < 1.0 else f"{100.0 * share:.0f} %"
+    return f"{100.0 * share:.2g} %" if share < 0.995 else f"{100.0 * share:.0f} %"
 
 
 class Session:

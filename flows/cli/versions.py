@@ -223,7 +223,7 @@ def show(
     session.say()
     session.say(
         f"{database.name} ({row.id[:12]}), made {row.created_utc:%Y-%m-%d %H:%M} UTC:"
-        f" {len(database.terms)} terms, {len(database.tables)} tables,"
+        f" {counted(len(database.terms), 'term')}, {counted(len(database.tables), 'table')},"
         f" {counted(len(database.increments), 'increment')} from flights"
     )
     for reason in document["stale"]:

@@ -104,7 +104,9 @@ def design_manoeuvre(
     Aerospace Sciences 30, 1994: input design by the information matrix.
     """
     inputs = dict(trimmed.series)
-    found = control_inputs(trimmed.problem.model, trimmed.problem.condition, inputs, [*deflections])
+    found = control_inputs(
+        trimmed.problem.model, trimmed.problem.condition, inputs, [*deflections], deflections
+    )
     controls = {name: control for name, control in found.items() if name in moved}
     if not controls:
         raise InputError(

@@ -17,7 +17,7 @@ from aerodb.tables.analysis.slopes import new_increments
 from aerodb.tables.analysis.unstated_inputs import neutral_point
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
-from aerodb.tables.parameter import covariance_of
+from aerodb.tables.parameter import covariance_of, sigma_of
 from aerodb.tables.reference import WIND_AXES
 
 #: Most slices of two databases; `diff` lists every node.
@@ -132,12 +132,15 @@ def _cut(before: AeroDatabase, after: AeroDatabase, axis: str, variable: str, at
 
 
 def changed_parameters(before: AeroDatabase, after: AeroDatabase) -> list[str]:
-    """Return the parameters of both databases whose values differ."""
-    return [
-        name
+    """Return the parameters of both databases whose values differ, first those that moved by the
+    most standard errors; those without an error come before them."""
+    moved = {
+        name: abs(value - before.parameters[name])
+        / (sigma_of(after.variables[name].uncertainty) or np.finfo(np.float64).tiny)
         for name, value in after.parameters.items()
         if before.parameters.get(name, value) != value
-    ]
+    }
+    return sorted(moved, key=lambda name: -moved[name])
 
 
 def _flown(before: AeroDatabase, after: AeroDatabase) -> dict[str, tuple[float, float]]:

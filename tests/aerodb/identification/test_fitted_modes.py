@@ -1,5 +1,7 @@
 """Modes of fitted linear models: the published Caravan, flown with noise, and numpy's eigenvalues."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -176,6 +178,7 @@ def test_standard_errors_of_modes_are_their_scatter_over_noise() -> None:
         )  # fmt: skip
         fit = state_space_fit(METHODS["output-error"], [record], file)
         found = {mode.name: mode for mode in fitted_modes(fit, file, [record])}
+        assert fitted_modes(replace(fit, converged=False), file, [record]) == ()
         for (name, figure), value in wanted.items():
             error = found[name].standard_errors[figure]
             errors[name, figure].append((found[name].figures[figure] - value) / error)

@@ -17,6 +17,7 @@ from aerodb.tables import (
     AeroDatabase,
     Parameter,
     Uncertainty,
+    changed_parameters,
     normal,
     parameter_covariance,
     parse,
@@ -64,6 +65,12 @@ def test_all_wrong_parameters_at_once(source: FlightsInMemory) -> None:
         assert found == pytest.approx(true, rel=0.03), name
         assert abs(found - true) < 3.0 * sigma(update, name), name
     assert update.candidate.parameters["body_CD"] == build_up().parameters["body_CD"]
+    moved = [
+        abs(update.candidate.parameters[name] - WRONG[name]) / sigma(update, name)
+        for name in changed_parameters(build_up(WRONG), update.candidate)
+    ]
+    assert len(moved) == len(WRONG)
+    assert moved == sorted(moved, reverse=True)
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say() -> None:

@@ -107,6 +107,22 @@ def test_one_uniform_time_base_passes_bit_for_bit() -> None:
     assert flight.flags == {}
 
 
+def test_a_surface_that_only_the_vehicle_names_is_the_field_of_its_name() -> None:
+    """Of the topic of the rates, in the unit that the log declares; a stated place comes first."""
+    moved, other = 0.1 * np.sin(SLOW), 0.2 * np.cos(SLOW)
+    fields = {"p": SLOW, "delta_canard": np.rad2deg(moved), "servo": other, "flap": other}
+    units = {"delta_canard": "deg", "servo": "rad"}
+    recording = _recording({"imu": (SLOW, fields)}, units)
+    stated = '[surfaces.canard]\nlimits = ["-20 deg", "20 deg"]\n'
+    mapping = _mapping(("p", "imu", "p", "rad/s"))
+    flight = map_recording(recording, mapping, vehicle_with_elevator(stated))
+    np.testing.assert_allclose(flight["delta_canard"], moved, rtol=1e-12)
+    place = 'log = { topic = "imu", field = "servo", unit = "rad" }\n'
+    flight = map_recording(recording, mapping, vehicle_with_elevator(stated + place))
+    np.testing.assert_allclose(flight["delta_canard"], other, rtol=1e-12)
+    assert "delta_canard" not in map_recording(recording, mapping, vehicle_with_elevator())
+
+
 def test_going_down_keeps_the_band_and_removes_what_would_alias() -> None:
     """1.5 Hz passes within 0.1 %; 47 Hz, which would fold to 3 Hz on a grid of 50 Hz, is 60 dB
     down; nothing is delayed."""

@@ -163,6 +163,24 @@ def test_elevons_and_a_rudder_are_found_and_moved_together() -> None:
     ]  # fmt: skip
 
 
+def test_rudders_that_move_outwards_only_are_each_a_control() -> None:
+    """Together they could not move; in straight flight both are at a limit, which is no reason."""
+    both = "(0.5*delta_rudder_right + 0.5*delta_rudder_left)"
+    terms = {axis: text.replace("delta_rudder", both) for axis, text in TERMS.items()}
+    twin, limits = flight_model(database(**terms)), {
+        "delta_rudder_right": (0.0, 0.5), "delta_rudder_left": (-0.5, 0.0)
+    }  # fmt: skip
+    level = trim(twin, replace(CRUISE, beta=0.0), MASS, limits=limits)
+    assert max(abs(level.deflections[name]) for name in limits) < 1e-9
+    single = trim(flight_model(database()), replace(CRUISE, beta=0.05), MASS)
+    needed = 2.0 * single.deflections["delta_rudder"]
+    (side,) = [n for n, (low, high) in limits.items() if low <= needed <= high]
+    found = trim(twin, replace(CRUISE, beta=0.05), MASS, controls={"yaw": side}, limits=limits)
+    assert found.deflections[side] == pytest.approx(needed, abs=1e-8)
+    with pytest.raises(InputError, match="delta_rudder_left leave no common movement"):
+        trim(twin, CRUISE, MASS, controls={"yaw": dict.fromkeys(limits, 1.0)}, limits=limits)
+
+
 def test_a_surface_that_is_given_stays_and_is_no_control(model: FlightModel) -> None:
     flapped = flight_model(
         database(C_lift=TERMS["C_lift"] + " + 0.9*delta_flap", Cm=TERMS["Cm"] + " - 1.5*delta_flap")
