@@ -1,6 +1,7 @@
 """The figure of a diff: slices through two databases with error band and flight envelope."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -76,15 +77,15 @@ def diff_figures(
     after: AeroDatabase,
     names: tuple[str, str],
     flown: Mapping[str, Array] | None = None,
-) -> list[Figure]:
-    """As `diff_figure` (channels (n,) in SI units), on as many figures as needed; on the first is
-    the curve of each axis that changes most."""
+) -> list[Callable[[], Figure]]:
+    """As `diff_figure` (channels (n,) in SI units), on as many figures as needed, each drawn by a
+    call; on the first is the curve of each axis that changes most."""
     increments = (*new_increments(after, before), *new_increments(before, after))
     panels = _largest_first(slices(before, after))
     if not panels:
-        return [diff_figure(before, after, names, "", flown)]
+        return [partial(diff_figure, before, after, names, "", flown)]
     return [
-        _figure(panels[k : k + _ON_A_PAGE], increments, names, "", flown)
+        partial(_figure, panels[k : k + _ON_A_PAGE], increments, names, "", flown)
         for k in range(0, len(panels), _ON_A_PAGE)
     ]
 

@@ -2,6 +2,7 @@
 
 from collections import Counter
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -20,7 +21,6 @@ from aerodb.report.style import (
     UPDATED,
     Picture,
     panel_grid,
-    picture,
     plain_panel,
 )
 from aerodb.report.terms import correlation_rows, derivative_unit
@@ -152,7 +152,7 @@ def _picture(method: str, record: str, outputs: Mapping[str, Response]) -> Pictu
         f"Record {record[:16]}. Above: measured and fitted. Below: autocorrelation of the residual;"
         " white residuals stay within the dashed lines 95 % of the time."
     )
-    return picture(_figure(outputs), f"{method}: fitted responses of a record.", caption)
+    return Picture(partial(_figure, outputs), f"{method}: fitted responses of a record.", caption)
 
 
 def _figure(outputs: Mapping[str, Response]) -> Figure:

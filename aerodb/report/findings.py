@@ -3,6 +3,7 @@ ids, in display units."""
 
 import re
 from collections.abc import Mapping
+from functools import partial
 from typing import Any, Final
 
 from aerodb.report.glossary import (
@@ -14,7 +15,7 @@ from aerodb.report.glossary import (
     with_true_signs,
 )
 from aerodb.report.numbers import for_people
-from aerodb.report.style import picture
+from aerodb.report.style import Picture
 from aerodb.report.update_figures import forest_figure, voter
 
 #: Verdict -> its meaning, for a reader.
@@ -66,8 +67,8 @@ def told(finding: Mapping[str, Any], labels: Mapping[str, str]) -> dict[str, Any
     factor, unit = for_people(finding["unit"])
     shown = None
     if len(finding["votes"]) >= _WITH_VOTES:
-        shown = picture(
-            forest_figure(finding, labels),
+        shown = Picture(
+            partial(forest_figure, finding, labels),
             f"Estimates of {parameter_name(finding['parameter'])} from {len(finding['votes'])}"
             " flights with 95 % intervals, and the combined estimate.",
             "Dots: the estimate of each flight with its 95 % interval. Diamond and band:"

@@ -1,9 +1,10 @@
 """The report page of one flight: its verdict first, then the evidence for it."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime
+from functools import partial
 from typing import Any, Final
 
 from aerodb.coefficients import Comparison
@@ -21,8 +22,8 @@ from aerodb.report.flight_figures import (
 )
 from aerodb.report.head import Head
 from aerodb.report.numbers import for_people, number
-from aerodb.report.page import render
-from aerodb.report.style import Picture, picture
+from aerodb.report.page import pieces
+from aerodb.report.style import Picture
 from aerodb.report.terms import sensor_error_unit
 from aerodb.signals import rms
 from aerodb.tables import AeroDatabase
@@ -77,14 +78,14 @@ class FlightStory:
     head: Head | None = None
 
 
-def flight_report(story: FlightStory) -> str:
-    """Render the report of a flight as one HTML page, in display units (`channel_scale`: degrees
-    for radians); it fetches nothing."""
+def flight_report(story: FlightStory) -> Iterator[str]:
+    """Return the report of a flight as one HTML page in pieces (`pieces`), in display units
+    (`channel_scale`: degrees for radians); it fetches nothing."""
     flight, names = story.flight, shown_channels(story.flight)
     span = f"{flight.time[-1] - flight.time[0]:.1f} s at {1 / flight.step:.4g} Hz"
     histories = [
-        picture(
-            channel_figure(part, story.measured, flight),
+        Picture(
+            partial(channel_figure, part, story.measured, flight),
             f"Time histories of {', '.join(part)}, measured and reconstructed.",
             "Black: reconstructed. Grey: measured, where it differs. Shaded: unused samples.",
         )
@@ -92,22 +93,22 @@ def flight_report(story: FlightStory) -> str:
     ]
     coefficients = None
     if story.comparison is not None:
-        coefficients = picture(
-            coefficient_figure(story.comparison, flight),
+        coefficients = Picture(
+            partial(coefficient_figure, story.comparison, flight),
             f"Coefficients of the flight and of {story.version} over time, their difference, and"
             " both against alpha or beta.",
             f"Black: flight. Orange, dashed or large dots: {story.version}. Middle column: flight −"
             f" {story.version}. Grey band, and black lines in the middle column: two standard"
             " errors of the sensors, which no database can explain.",
         )
-    flown = picture(
-        envelope_figure(flight, story.database),
+    flown = Picture(
+        partial(envelope_figure, flight, story.database),
         "Planes of angle of attack, sideslip, Mach number, airspeed and altitude with the samples"
         " flown.",
         "Usable samples. Dashed: edges of the database's tables, where they are near.",
     )
     inputs = (story.database.flight_inputs if story.database else ()) or _USUAL_INPUTS
-    return render(
+    return pieces(
         "flight.html",
         title=f"Flight {story.label}",
         head=story.head,
@@ -166,8 +167,8 @@ def _activity(story: FlightStory) -> Picture | None:
     if not story.segments:
         return None
     kinds = ", ".join(dict.fromkeys(segment.kind.replace("_", " ") for segment in story.segments))
-    return picture(
-        segment_figure(story.segments, story.flight),
+    return Picture(
+        partial(segment_figure, story.segments, story.flight),
         f"Segments of the flight over time: {kinds}.",
         "Black: manoeuvres; grey: states.",
     )

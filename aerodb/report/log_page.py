@@ -31,7 +31,6 @@ from aerodb.report.style import (
     UPDATED,
     Picture,
     panel_grid,
-    picture,
     plain_panel,
 )
 from aerodb.support import Array
@@ -214,7 +213,7 @@ class _Panel:
             second.set_ylabel(_axis_label(self, self.units[1]), fontsize=9)
             second.spines[["top", "left"]].set_visible(False)
             second.tick_params(labelsize=SMALLEST, length=3)
-        return picture(figure, f"{self.title} over time.")
+        return Picture(lambda: figure, f"{self.title} over time.")
 
 
 def _axis_label(panel: _Panel, unit: str) -> str:
@@ -255,4 +254,4 @@ def _track(stories: Sequence[LogStory], units: UnitSystem | None) -> Picture | N
     panel.set_ylabel(f"north [{unit}]")
     if len(stories) > 1:
         panel.legend(fontsize=SMALLEST, frameon=False)
-    return picture(figure, "Path over the ground, north over east.", "Dot: first sample.")
+    return Picture(lambda: figure, "Path over the ground, north over east.", "Dot: first sample.")

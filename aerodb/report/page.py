@@ -49,9 +49,8 @@ def pieces(template: str, head: Head | None = None, **context: Any) -> Iterator[
     return _engine().get_template(template).generate(head=head, **context)
 
 
-def filters() -> dict[str, Callable[..., Any]]:
-    """Return what the templates of pages, and of the console, apply to values: names, numbers,
-    words, units (`term_unit`)."""
+def _filters() -> dict[str, Callable[..., Any]]:
+    """What templates apply to values: names, numbers, words, units (`term_unit`)."""
     return {
         "name": name,
         "number": number,
@@ -81,15 +80,21 @@ def filters() -> dict[str, Callable[..., Any]]:
 
 @functools.cache
 def _engine() -> jinja2.Environment:
+    return engine_of("aerodb.report")
+
+
+def engine_of(*packages: str) -> jinja2.Environment:
+    """Return the engine of the templates of packages, the first that has one, with the words and
+    colours of all pages."""
     engine = jinja2.Environment(
-        loader=jinja2.PackageLoader("aerodb.report"),
+        loader=jinja2.ChoiceLoader([jinja2.PackageLoader(package) for package in packages]),
         autoescape=True,
         undefined=jinja2.StrictUndefined,
         trim_blocks=True,
         lstrip_blocks=True,
         bytecode_cache=jinja2.FileSystemBytecodeCache(),  # in a folder of this user alone
     )
-    engine.filters |= filters()
+    engine.filters |= _filters()
     engine.globals.update(colours=COLOURS, shown_units=shown_units)
     return engine
 

@@ -275,7 +275,7 @@ def _band_scale(band: Mapping[str, Any]) -> tuple[float, str, str]:
         return 1.0, _FIGURES[band["of"]], f"{band['of'].replace('_', ' ')} of {band['channel']}"
     unit = channel(band["channel"]).unit
     if unit == "m/s^2":
-        return conversion(unit, "g")[0], "g", band["channel"]
+        return 1.0 / conversion("g", unit)[0], "g", band["channel"]
     factor, shown = _TRADE.scale(unit)
     return factor, shown, band["channel"]
 

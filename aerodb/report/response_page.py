@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final
 
 import numpy as np
@@ -21,8 +22,8 @@ from aerodb.report.style import (
     PAGE_WIDTH,
     SMALLEST,
     UPDATED,
+    Picture,
     panel_grid,
-    picture,
     plain_panel,
 )
 from aerodb.support import Array
@@ -61,13 +62,11 @@ def response_report(
     stretches: Sequence[FlownStretch],
     head: Head | None = None,
 ) -> Iterator[str]:
-    """Return the HTML page of a version's responses in pieces: each stretch is drawn when its piece
-    is asked for.
+    """Return the HTML page of a version's responses in pieces (`pieces`).
 
     version, baseline : labels; baseline empty without one. summary : of `summarise_responses`.
     head : where the result comes from. Numbers are shown in display units (`channel_scale`).
     """
-    drawn = ((stretch, _picture(stretch, version, baseline)) for stretch in stretches[:_MOST])
     return pieces(
         "responses.html",
         title=f"Responses of version {version}",
@@ -77,7 +76,7 @@ def response_report(
         head=head,
         within=count_within(summary, baseline) if summary else "",
         stayed=_stayed(summary) if summary else "",
-        drawn=drawn,
+        drawn=[(stretch, _picture(stretch, version, baseline)) for stretch in stretches[:_MOST]],
         left_out=max(0, len(stretches) - _MOST),
         scales=response_scales(summary),
         feedback=feedback_words(summary) if summary else [],
@@ -107,7 +106,7 @@ def response_scales(summary: Mapping[str, Any] | None) -> dict[str, tuple[float,
     return {r["channel"]: channel_scale(r["channel"]) for r in told}
 
 
-def _picture(stretch: FlownStretch, version: str, baseline: str) -> Any:
+def _picture(stretch: FlownStretch, version: str, baseline: str) -> Picture:
     document = stretch.document
     failed = [check["check"] for check in document["checks"] if not check["passed"]]
     said = [
@@ -118,8 +117,8 @@ def _picture(stretch: FlownStretch, version: str, baseline: str) -> Any:
         else "",
         *document["notes"],
     ]
-    return picture(
-        response_figure(stretch, version, baseline),
+    return Picture(
+        partial(response_figure, stretch, version, baseline),
         f"{stretch.flight}, {document['since']:.1f} to {document['until']:.1f} s: simulated and"
         " flown responses.",
         ". ".join(part for part in said if part),

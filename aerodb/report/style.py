@@ -5,9 +5,10 @@ import io
 import re
 import threading
 import warnings
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Final
 
 import matplotlib
@@ -44,11 +45,29 @@ _DIGITS = re.compile(r"(\.\d)\d+")  # a tenth of a point is finer than any print
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure as SVG with its alternative text (`alt`) and caption."""
+    """A figure with its alternative text (`alt`) and caption. `draw` makes the figure when it is
+    first asked for: a page that is sent in pieces begins before its figures are drawn."""
 
-    svg: str
+    draw: Callable[[], Figure]
     alt: str
-    caption: str
+    caption: str = ""
+
+    @cached_property
+    def svg(self) -> str:
+        """The figure as SVG; the same figure gives the same bytes."""
+        figure, buffer = self.draw(), io.StringIO()
+        with _writing, matplotlib.rc_context(_LOOK), warnings.catch_warnings():
+            # the viewer's fonts draw what the fonts here do not have
+            warnings.filterwarnings("ignore", message="Glyph .* missing from")
+            with _drawn_once(figure):
+                figure.savefig(
+                    buffer,
+                    format="svg",
+                    metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")),
+                    dpi=150,
+                )
+        svg = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[1]), buffer.getvalue())
+        return svg[svg.index("<svg") :]
 
     @property
     def source(self) -> str:
@@ -56,23 +75,6 @@ class Picture:
         return "data:image/svg+xml;base64," + base64.b64encode(
             self.svg.encode("utf-8", "replace")
         ).decode("ascii")
-
-
-def picture(figure: Figure, alt: str, caption: str = "") -> Picture:
-    """Convert a figure to a picture; the same figure gives the same bytes."""
-    buffer = io.StringIO()
-    with _writing, matplotlib.rc_context(_LOOK), warnings.catch_warnings():
-        # the viewer's fonts draw what the fonts here do not have
-        warnings.filterwarnings("ignore", message="Glyph .* missing from")
-        with _drawn_once(figure):
-            figure.savefig(
-                buffer,
-                format="svg",
-                metadata=dict.fromkeys(("Date", "Creator", "Format", "Type")),
-                dpi=150,
-            )
-    svg = _PATH.sub(lambda found: _DIGITS.sub(r"\1", found[1]), buffer.getvalue())
-    return Picture(svg[svg.index("<svg") :], alt, caption)
 
 
 @contextmanager

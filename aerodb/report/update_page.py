@@ -1,7 +1,8 @@
 """The report page of an update or a closed loop: result, errors, findings and open questions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any, Final, TypeVar
 
 import numpy as np
@@ -29,9 +30,9 @@ from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import advice_words, listed, with_true_signs
 from aerodb.report.head import Head
 from aerodb.report.held_or_free import held_or_free_words
-from aerodb.report.page import render
+from aerodb.report.page import pieces
 from aerodb.report.reach import beyond_data
-from aerodb.report.style import Picture, picture
+from aerodb.report.style import Picture
 from aerodb.report.terms import estimates_added, estimates_of
 from aerodb.report.update_figures import (
     error_figure,
@@ -91,14 +92,14 @@ class UpdateStory:
     given: Sequence[str] = ()
 
 
-def update_report(story: UpdateStory) -> str:
-    """Render the report of an update or a closed loop as one HTML page, in display units
-    (`for_people`: degrees for radians)."""
+def update_report(story: UpdateStory) -> Iterator[str]:
+    """Return the report of an update or a closed loop as one HTML page in pieces (`pieces`), in
+    display units (`for_people`: degrees for radians)."""
     document, loop = story.document, "library" in story.document
     estimates = [] if loop else estimates_of(document)
     if loop and story.candidate is not None and story.databases is not None:
         estimates = estimates_added(document, *story.databases)
-    return render(
+    return pieces(
         "update.html",
         title=(
             f"{'Closed loop' if loop else 'Update'} of {document['vehicle']}:"
@@ -165,8 +166,8 @@ def _errors(story: UpdateStory) -> dict[str, Any]:
         "shown": shown,
         "single": list(story.before) if single else [],
         "optimistic": "" if held_out else _IN_SAMPLE,
-        "error_picture": picture(
-            error_figure(drawn),
+        "error_picture": Picture(
+            partial(error_figure, drawn),
             "Error per axis before and after the update, and the noise floor; the table below holds"
             " the same numbers.",
             f"Error {on_which(document)}. Circle: {story.baseline}; "
@@ -219,8 +220,8 @@ def _stall_pictures(story: UpdateStory) -> list[Picture]:
     """Lift in the stall of each flight, predicted by the others; empty without such stalls."""
     stalls = [entry for entry in story.document.get("stalls", ()) if "measured" in entry["series"]]
     return [
-        picture(
-            stall_figure(part, story.labels),
+        Picture(
+            partial(stall_figure, part, story.labels),
             "Lift in the stall over angle of attack and over time: flight, baseline, and prediction"
             " by the other flights.",
             f"Dashed: {story.baseline}. Predicted by the others: the stall and the attached flow"
@@ -269,8 +270,16 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
     both = f"{story.baseline} and {story.candidate}" if story.candidate else story.baseline
     shown = {
         "residuals": [
-            picture(
-                residual_figure(part, variables, story.before, story.after, story.channels, floors),
+            Picture(
+                partial(
+                    residual_figure,
+                    part,
+                    variables,
+                    story.before,
+                    story.after,
+                    story.channels,
+                    floors,
+                ),
                 f"Flight minus model on {', '.join(part)} against the variables on which it depends"
                 f" most, with {both}.",
                 f"Flight − model over the variables on which it depends most, of {len(variables)}"
@@ -280,8 +289,9 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
             for part in _parts(axes, _AXES_ON_A_PAGE)
         ],
         "histories": [
-            picture(
-                update_figure(
+            Picture(
+                partial(
+                    update_figure,
                     part,
                     story.before,
                     story.after,
@@ -298,14 +308,14 @@ def _pictures(story: UpdateStory) -> dict[str, list[Picture]]:
     }
     if story.candidate is not None:
         shown["slices"] = [
-            picture(
-                figure,
+            Picture(
+                draw,
                 f"Slices through {both} on the axes that change.",
                 "Band: 95 % interval of the increments. Above: the largest change ± half of its"
                 " 95 % interval, and where. Shaded: flown by the identification flights. Grey"
                 " bars along the lower edge: distribution of this report's flights.",
             )
-            for figure in diff_figures(
+            for draw in diff_figures(
                 before, after, (story.baseline, story.candidate), _flown(story)
             )
         ]

@@ -1,8 +1,9 @@
 """The report page of a database version: contents, lineage and changes from its parent."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
+from functools import partial
 from typing import Any
 
 from aerodb.nomenclature import AXES
@@ -16,11 +17,11 @@ from aerodb.report.glossary import listed
 from aerodb.report.head import Head
 from aerodb.report.lineage_figure import Graph
 from aerodb.report.mode_table import COMPARED
-from aerodb.report.page import render
+from aerodb.report.page import pieces
 from aerodb.report.qualification import qualification_table
 from aerodb.report.reach import beyond_data, beyond_words
 from aerodb.report.response_page import response_scales
-from aerodb.report.style import picture
+from aerodb.report.style import Picture
 from aerodb.tables import AeroDatabase, diff
 
 
@@ -77,9 +78,10 @@ class VersionStory:
     modes: Mapping[str, Any] | None = None
 
 
-def version_report(story: VersionStory) -> str:
-    """Render the report of a version as one HTML page, in display units (`channel_scale`): on the
-    first page what is recommended and why, then what changes, then where it comes from."""
+def version_report(story: VersionStory) -> Iterator[str]:
+    """Return the report of a version as one HTML page in pieces (`pieces`), in display units
+    (`channel_scale`): on the first page what is recommended and why, then what changes, then where
+    it comes from."""
     changes: Mapping[str, Any] | None = None
     front, slices, curve, curves = None, [], None, None
     ends = beyond_words(story.database.increments)
@@ -90,29 +92,29 @@ def version_report(story: VersionStory) -> str:
         curve = curve_document(before, story.database)
         ends = beyond_data(before, story.database)
         rows = _rows(story.report)
-        front = picture(
-            front_figure(before, story.database, names, rows),
+        front = Picture(
+            partial(front_figure, before, story.database, names, rows),
             f"The curve that changes most from {label} to {story.label}, and the error per axis.",
             "Left: the curve that changes most; grey, between dotted lines: where flights have"
             " been. Right: error on the validation flights.",
         )
         slices = [
-            picture(
-                figure,
+            Picture(
+                draw,
                 f"Slices through {label} and {story.label} on the axes that change.",
                 "Band: 95 % interval of the increments. Above: the largest change ± half of its"
                 " 95 % interval, and where. Grey, between dotted lines: the"
                 f" range that was flown. {_not_drawn(changes)}",
             )
-            for figure in diff_figures(before, story.database, names)
+            for draw in diff_figures(before, story.database, names)
         ]
     else:
-        curves = picture(
-            database_figure(story.database),
+        curves = Picture(
+            partial(database_figure, story.database),
             "CX, CZ and Cm against angle of attack; CY, Cl and Cn against sideslip.",
             "All other inputs neutral (zero; V 1 m/s). Dots: breakpoints of the tables.",
         )
-    return render(
+    return pieces(
         "version.html",
         title=f"{story.vehicle}: version {story.label}",
         story=story,

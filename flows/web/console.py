@@ -23,7 +23,7 @@ from aerodb.tasks.actors import acts_as, user
 from aerodb.tasks.references import version_of
 from aerodb.tasks.view import as_json, step_words
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-from aerodb.units import UNIT_SYSTEMS, UnitSystem, shown_units
+from aerodb.units import UNIT_SYSTEMS, UnitSystem
 
 #: Entries of a page of a list.
 PER_PAGE: Final = 50
@@ -188,15 +188,7 @@ def moment(text: str | None) -> str:
 
 @functools.cache
 def _engine() -> jinja2.Environment:
-    loaders = [jinja2.PackageLoader("aerodb.flows.web"), jinja2.PackageLoader("aerodb.report")]
-    engine = jinja2.Environment(
-        loader=jinja2.ChoiceLoader(loaders),
-        autoescape=True,
-        undefined=jinja2.StrictUndefined,
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
-    engine.filters |= page.filters()
+    engine = page.engine_of("aerodb.flows.web", "aerodb.report")
     engine.filters |= {
         "part": part,
         "reasons_in_units": reasons_in_units,
@@ -207,11 +199,9 @@ def _engine() -> jinja2.Environment:
     engine.globals |= {
         "address": address,
         "channel_scale": channel_scale,
-        "colours": page.COLOURS,
         "unit_of": lambda unit: for_people(unit)[1],
         "in_units": in_units,
         "sections": SECTIONS,
-        "shown_units": shown_units,
         "unit_systems": [UnitSystem(name) for name in UNIT_SYSTEMS],
     }
     return engine

@@ -87,4 +87,7 @@ def finding(request: Request, reference: str, vehicle: Vehicle = None) -> Respon
 def finding_report(request: Request, reference: str, vehicle: Vehicle = None) -> Response:
     """The report of a finding, as `aerodb report update` writes it."""
     about = reference_of(access_of(request), reference, vehicle)
-    return report(request, console_of(request).run(report_flow, {"kind": "update", "about": about}))
+    return report(
+        request,
+        console_of(request).run(report_flow, {"kind": "update", "about": about, "in_pieces": True}),
+    )

@@ -175,7 +175,7 @@ def flight_report(
     version = (
         access.catalogue.version(row.vehicle, against).id if against else _released(access, row)
     )
-    parameters = {"kind": "flight", "about": row.id, "version": version or ""}
+    parameters = {"kind": "flight", "about": row.id, "version": version or "", "in_pieces": True}
     return report(request, console_of(request).run(report_flow, parameters))
 
 

@@ -274,9 +274,8 @@ def table(
 def version_report(request: Request, version: str, vehicle: Vehicle = None) -> Response:
     """The report of a version, as `aerodb report version` writes it."""
     row = version_at(access_of(request), version, vehicle)
-    return report(
-        request, console_of(request).run(report_flow, {"kind": "version", "about": row.id})
-    )
+    parameters = {"kind": "version", "about": row.id, "in_pieces": True}
+    return report(request, console_of(request).run(report_flow, parameters))
 
 
 @router.get("/versions/{version}/responses", include_in_schema=False)

@@ -8,11 +8,10 @@ from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.parquet as pq
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError, UnknownNameError, nearest
-from aerodb.storage.files.parquet import damaged, read_metadata
+from aerodb.storage.files.parquet import damaged, from_arrow, metadata_of, opened
 
 _REMEDY: Final = "ingest the log again"
 
@@ -30,12 +29,9 @@ class StoredSeries:
     def open(cls, path: Path, kind: str) -> "StoredSeries":
         """The file at `path`; InputError when it is absent, damaged or not of this `kind`
         (``flight``, ``result``)."""
-        metadata = read_metadata(path, kind)
-        try:
-            file = pq.ParquetFile(path, page_checksum_verification=True)
-        except (pa.ArrowException, OSError) as error:
-            raise damaged(path, error) from error
-        return cls(path, metadata, tuple(file.schema_arrow.names), file)
+        file = opened(path)
+        schema = file.schema_arrow
+        return cls(path, metadata_of(schema, path, kind), tuple(schema.names), file)
 
     @property
     def rows(self) -> int:
@@ -82,4 +78,7 @@ class StoredSeries:
         except (pa.ArrowException, OSError) as error:
             raise damaged(self.path, error) from error
         part = slice(int(first - starts[groups[0]]), int(last - starts[groups[0]]))
-        return {name: table.column(name).to_numpy()[part] for name in wanted}
+        dtypes = self.metadata["dtypes"]
+        return {
+            name: from_arrow(table.column(name), np.dtype(dtypes[name]))[part] for name in wanted
+        }

@@ -82,7 +82,7 @@ def write_columns(path: Path, columns: Sequence[Column], metadata: Mapping[str, 
 def read_metadata(path: Path, kind: str) -> dict[str, Any]:
     """The metadata given to `write_columns`; InputError when the file is missing, damaged or of
     another kind."""
-    return _metadata(_opened(path).schema_arrow, path, kind)
+    return metadata_of(opened(path).schema_arrow, path, kind)
 
 
 def read_columns(
@@ -93,9 +93,9 @@ def read_columns(
     Raises InputError when the file is missing, damaged or not of this `kind`, UnknownNameError for
     an unknown column.
     """
-    file = _opened(path)
+    file = opened(path)
     schema = file.schema_arrow
-    metadata = _metadata(schema, path, kind)
+    metadata = metadata_of(schema, path, kind)
     wanted = list(schema.names) if names is None else list(names)
     for name in wanted:
         if name not in schema.names:
@@ -106,7 +106,7 @@ def read_columns(
         raise damaged(path, error) from error
     dtypes = metadata["dtypes"]
     return {
-        n: _from_arrow(table.column(n), np.dtype(dtypes[n]))
+        n: from_arrow(table.column(n), np.dtype(dtypes[n]))
         for n in schema.names
         if n in set(wanted)
     }, metadata
@@ -128,7 +128,9 @@ def _plain(value: Any) -> Any:
     raise TypeError(f"{type(value).__name__} cannot be stored as metadata")
 
 
-def _opened(path: Path) -> Any:
+def opened(path: Path) -> Any:
+    """Return the Parquet file of a path, its pages checked as they are read; InputError when it is
+    missing or damaged."""
     try:
         # Strings are read as dictionary arrays, so the few different axis names of a million rows
         # are created once.
@@ -159,7 +161,9 @@ def damaged(path: Path, error: Exception) -> InputError:
     )
 
 
-def _metadata(schema: Any, path: Path, kind: str) -> dict[str, Any]:
+def metadata_of(schema: Any, path: Path, kind: str) -> dict[str, Any]:
+    """Return the metadata given to `write_columns` from a file's schema; InputError when it is
+    damaged or of another kind."""
     stored = schema.metadata or {}
     text = stored.get(_KEY, b"{}")
     if stored.get(_CHECK, b"").decode("ascii", "replace") != hashlib.sha256(text).hexdigest():
@@ -228,7 +232,8 @@ def _text(values: NDArray[Any], kind: Any) -> Any:
     return pa.Array.from_buffers(kind, len(words), [None, pa.py_buffer(ends), pa.py_buffer(whole)])
 
 
-def _from_arrow(column: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
+def from_arrow(column: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
+    """Return a column of a file from `opened` as it was written, (rows,)."""
     if dtype.kind in "UO":
         encoded = column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)
         words = np.array(encoded.dictionary.to_pylist(), dtype=dtype)

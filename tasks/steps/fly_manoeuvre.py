@@ -88,7 +88,7 @@ def fly_manoeuvre(
     drawn = FlownStretch(stated.name, stretch, series, {})
     stored = access.catalogue.result(result.key)
     head = head_of_result(access, stored, user()) if stored else None
-    return {**document, "page": response_report(row.label, "", None, [drawn], head)}
+    return {**document, "page": "".join(response_report(row.label, "", None, [drawn], head))}
 
 
 def _flown(

@@ -1,7 +1,7 @@
 """HTML reports of a flight, of an update or closed loop, and of a version."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -34,9 +34,11 @@ _ANCESTORS: Final = 5
 _CHILDREN: Final = 6
 
 
-def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> str:
+def flight_page(
+    flight: str, *, workspace: str, run: str, version: str = "", in_pieces: bool = False
+) -> str | Iterator[str]:
     """Return the report (HTML, display units as [deg]) of a flight (its id) compared with a version
-    (its id; empty: none).
+    (its id; empty: none); in_pieces : as an iterator, which draws each figure when it comes to it.
 
     Reads the flight, its consistency and comparison. Raises UnknownNameError for an unknown id.
     """
@@ -59,7 +61,7 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
     versions = access.catalogue.versions_by_id([version] if version else [])
     conditioning, _ = load_conditioning(access, row, measured, key, run)
     result = access.catalogue.result(consistent.key)
-    return flight_report(
+    page = flight_report(
         FlightStory(
             id=row.id,
             label=access.catalogue.flight_labels([row.id])[row.id],
@@ -82,11 +84,14 @@ def flight_page(flight: str, *, workspace: str, run: str, version: str = "") -> 
             head=head_of_result(access, result, user()) if result else None,
         )
     )
+    return page if in_pieces else "".join(page)
 
 
-def update_page(reference: str, *, workspace: str, run: str) -> str:
+def update_page(
+    reference: str, *, workspace: str, run: str, in_pieces: bool = False
+) -> str | Iterator[str]:
     """Return the report (HTML, display units as [deg]) of an update or closed loop, by its version
-    (id) or the key of its report.
+    (id) or the key of its report; in_pieces : see `flight_page`.
 
     Raises InputError for a version that no update made, UnknownNameError for an unknown reference.
     """
@@ -119,7 +124,7 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
     channels = {
         flight: _variables(_consistent(access, flight, run), databases[1]) for flight in shown
     }
-    return update_report(
+    page = update_report(
         UpdateStory(
             document,
             labels,
@@ -133,6 +138,7 @@ def update_page(reference: str, *, workspace: str, run: str) -> str:
             options_of_result(access.catalogue, reference),
         )
     )
+    return page if in_pieces else "".join(page)
 
 
 def _head(
@@ -163,17 +169,22 @@ def write_update_page(document: dict[str, Any], *, workspace: str, run: str) -> 
     )
 
     def write(temporary: Path) -> None:
-        temporary.write_text(page, encoding="utf-8")
+        temporary.write_text("".join(page), encoding="utf-8")
 
     write_atomically(path, write)
     return str(path)
 
 
 def version_page(
-    version: str, *, workspace: str, run: str, modes: dict[str, Any] | None = None
-) -> str:
+    version: str,
+    *,
+    workspace: str,
+    run: str,
+    modes: dict[str, Any] | None = None,
+    in_pieces: bool = False,
+) -> str | Iterator[str]:
     """Return the report (HTML, display units as [deg]) of a version (its id); modes : of
-    `modes_beside_flights`, for a section of their own.
+    `modes_beside_flights`, for a section of their own; in_pieces : see `flight_page`.
 
     Reads version, report and flights from the catalogue. Raises UnknownNameError for an unknown id.
     """
@@ -195,7 +206,7 @@ def version_page(
         else None
     )
     names = catalogue.names(row.vehicle)
-    return version_report(
+    page = version_report(
         VersionStory(
             id=row.id,
             label=row.label,
@@ -229,6 +240,7 @@ def version_page(
             modes=modes,
         )
     )
+    return page if in_pieces else "".join(page)
 
 
 def lineage_of(access: WorkspaceAccess, row: VersionRow) -> Graph:

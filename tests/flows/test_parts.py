@@ -57,7 +57,11 @@ def test_it_is_trimmed_by_its_throttle_and_has_modes(workspace: Path) -> None:
 def test_it_flies_a_manoeuvre_from_its_trim(workspace: Path, tmp_path: Path) -> None:
     file = tmp_path / "manoeuvre.toml"
     file.write_text(MANOEUVRE, encoding="utf-8")
-    flown = asked(workspace, "version", "fly", "v0001", "--manoeuvre", str(file))
+    page = tmp_path / "page.html"
+    flown = asked(
+        workspace, "version", "fly", "v0001", "--manoeuvre", str(file), "--output", str(page)
+    )
+    assert page.read_text(encoding="utf-8").count("<figure>") == 1
     assert flown["ended"] == pytest.approx(30.0)
     start, least, greatest = flown["responses"]["alpha"]
     assert least < start - 0.01

@@ -41,7 +41,7 @@ def main(workspace: str, folder: str) -> None:
     access = access_workspace(workspace)
     candidate = access.catalogue.version("phoenix", "candidate").id
     Path(folder).mkdir(parents=True, exist_ok=True)
-    shown = pictures(update_page(candidate, workspace=workspace, run="")) | drawn(access)
+    shown = pictures("".join(update_page(candidate, workspace=workspace, run=""))) | drawn(access)
     for file, svg in shown.items():
         (Path(folder) / file).write_text(svg, encoding="utf-8")
 

@@ -2,6 +2,7 @@
 ``make pictures``."""
 
 from collections.abc import Callable
+from functools import partial
 from typing import Final
 
 from matplotlib.figure import Figure
@@ -10,7 +11,7 @@ from aerodb.flows.estimate import estimate_flow
 from aerodb.flows.run import run_flow
 from aerodb.report.flight_figures import channel_figure
 from aerodb.report.response_page import FlownStretch, response_figure
-from aerodb.report.style import PAGE_WIDTH, picture, plain_panel
+from aerodb.report.style import PAGE_WIDTH, Picture, plain_panel
 from aerodb.tasks.steps.consistency import load_consistent
 from aerodb.tasks.steps.fly import flown_responses, fly_version
 from aerodb.tasks.steps.ingest import load_flight
@@ -94,4 +95,4 @@ DRAWN: Final[dict[str, tuple[Callable[[WorkspaceAccess], Figure], str]]] = {
 
 def drawn(access: WorkspaceAccess) -> dict[str, str]:
     """File -> SVG."""
-    return {file: picture(draw(access), text).svg for file, (draw, text) in DRAWN.items()}
+    return {file: Picture(partial(draw, access), text).svg for file, (draw, text) in DRAWN.items()}

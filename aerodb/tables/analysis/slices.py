@@ -3,6 +3,7 @@ neutral."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Final
 
 import numpy as np
@@ -76,7 +77,8 @@ class Slice:
         return float(np.max(np.abs(self.change[where]), initial=0.0))
 
 
-def slices(before: AeroDatabase, after: AeroDatabase) -> list[Slice]:
+@lru_cache(maxsize=1)  # a page asks for its tables, and again for its figures
+def slices(before: AeroDatabase, after: AeroDatabase) -> tuple[Slice, ...]:
     """Return the slices that show how two databases differ, at most `MOST_SLICES`: per axis that
     changes, the variables over which it changes most. Each axis has an equal share of them."""
     increments = _new(before, after)
@@ -98,7 +100,7 @@ def slices(before: AeroDatabase, after: AeroDatabase) -> list[Slice]:
     for cuts in by_axis.values():
         largest = sorted(cuts, key=lambda cut: -float(np.ptp(cut.change)))[:share]
         kept += [cut for cut in cuts if any(cut is each for each in largest)]
-    return [_with_errors_of_parameters(before, after, cut) for cut in kept]
+    return tuple(_with_errors_of_parameters(before, after, cut) for cut in kept)
 
 
 def slice_over(

@@ -130,10 +130,11 @@ def test_a_check_without_a_paragraph_says_so(summary: dict[str, Any]) -> None:
 
 def test_the_table_is_there_before_a_figure_is_drawn(summary: dict[str, Any]) -> None:
     """The first stretch cannot be drawn: what stands before its figure is read all the same."""
-    nothing: dict[str, Any] = {"since": 0.0, "until": 1.0}
-    pieces = response_report("v0002", "", summary, [FlownStretch("flight", nothing, {}, {})])
+    stretch = {"since": 0.0, "until": 1.0, "kind": "roll", "checks": [], "correction": {}}
+    nothing = FlownStretch("flight", {**stretch, "notes": []}, {"alpha": ()}, {})
+    pieces = response_report("v0002", "", summary, [nothing])
     read = list[str]()
-    with pytest.raises(KeyError, match="checks"):
+    with pytest.raises(ValueError, match="unpack"):
         read.extend(pieces)
     said = "".join(read)
     assert "Qualification table" in said

@@ -5,7 +5,7 @@ import json
 import re
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from http.server import BaseHTTPRequestHandler, HTTPServer
 from pathlib import Path
 from typing import Any
@@ -74,9 +74,10 @@ def written(workspace: Path, *arguments: str) -> str:
     return output.read_text(encoding="utf-8")
 
 
-def checked(page: str) -> Any:
+def checked(pieces: Iterable[str]) -> Any:
     """The page as a tree, after what holds for every page: nothing runs, nothing is fetched, every
     picture has a text."""
+    page = "".join(pieces)
     tree = html.document_fromstring(page)
     assert not tree.xpath("//script | //link | //iframe | //object | //base | //form")
     assert not [name for element in tree.iter() for name in element.attrib if name.startswith("on")]

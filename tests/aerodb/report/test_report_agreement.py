@@ -61,7 +61,7 @@ def page(flight: Flight) -> Any:
         for axis in AXES
     ]
     document = loop(findings, findings, [proof(axis, 0.02, 0.01) for axis in AXES])
-    return update_report(story(document, (before, after), flight))
+    return "".join(update_report(story(document, (before, after), flight)))
 
 
 def test_every_effect_of_the_library_has_a_name() -> None:

@@ -69,7 +69,7 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
         ),
     }
     for name, text in texts.items():
-        (folder / f"{name}.html").write_text(text, encoding="utf-8")
+        (folder / f"{name}.html").write_text("".join(text), encoding="utf-8")
     return sorted(folder.iterdir())
 
 

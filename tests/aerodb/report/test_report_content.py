@@ -32,6 +32,7 @@ from aerodb.report.flight_figures import (
 )
 from aerodb.report.flight_page import FlightStory, flight_report, verdict_sentence
 from aerodb.report.numbers import number
+from aerodb.report.style import Picture
 from aerodb.report.update_figures import error_figure, residual_figure, voter
 from aerodb.report.update_page import UpdateStory, update_report
 from tests.aerodb.report.test_report import checked, found, loop, page_of, proof, table, words_of
@@ -451,10 +452,29 @@ def test_a_flight_of_an_hour_stays_light() -> None:
     long = Flight("f", "v", np.arange(n) / 100.0, {name: rng.standard_normal(n) for name in names})
     axes = {axis: rng.standard_normal(n) for axis in ("CX", "CY", "CZ", "Cl", "Cm", "Cn")}
     comparison = synthetic.comparison(long, axes)
-    page = flight_report(
-        flight_story(long, comparison=comparison, database=synthetic.database(), version="v0001")
-    )
+    told = flight_story(long, comparison=comparison, database=synthetic.database(), version="v0001")
+    page = "".join(flight_report(told))
     assert len(page.encode()) < 2e6
     assert html.document_fromstring(page).xpath("//td[.='360000']"), (
         "nothing was left out of the numbers"
     )
+
+
+def test_what_to_decide_on_is_there_before_a_figure_is_drawn(
+    monkeypatch: pytest.MonkeyPatch,
+    flown: Flight,
+    sides: tuple[dict[str, Comparison], dict[str, Comparison]],
+) -> None:
+    def never(_picture: Picture) -> str:
+        raise RuntimeError("drawn")
+
+    monkeypatch.setattr(Picture, "svg", property(never))
+    document = loop([], [], [proof("CZ", 0.02, 0.01)])
+    for pieces, said in (
+        (flight_report(flight_story(flown)), "Kinematic consistency"),
+        (update_report(story(document, sides, flown)), decision(document).verdict),
+    ):
+        read = list[str]()
+        with pytest.raises(RuntimeError, match="drawn"):
+            read.extend(pieces)
+        assert said in "".join(read)
