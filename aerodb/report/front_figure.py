@@ -8,8 +8,9 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from aerodb.report.diff_figures import draw_slice
 from aerodb.report.numbers import number
+from aerodb.report.reach import beyond_words
 from aerodb.report.style import DATABASE, PAGE_WIDTH, SMALLEST, UPDATED, panel_grid, plain_panel
-from aerodb.tables import HAT_RATES, AeroDatabase, acts_on, new_increments, slices
+from aerodb.tables import HAT_RATES, AeroDatabase, Increment, Slice, acts_on, new_increments, slices
 
 _HEIGHT: Final = 2.9
 
@@ -29,18 +30,32 @@ def front_figure(
         (PAGE_WIDTH, _HEIGHT), 1, 2, left=0.85, right=0.1, top=0.4, between=(0.8, 0.0)
     )
     left, right = panels[0]
-    cuts = slices(before, after)
-    told = [cut for cut in cuts if cut.variable not in HAT_RATES] or cuts
-    if told:
-        most = max(told, key=lambda cut: cut.largest)
-        increments = (*new_increments(after, before), *new_increments(before, after))
-        draw_slice(left, most, names, [each for each in increments if acts_on(each, most.axis)])
+    most = _most_changed(before, after)
+    if most is not None:
+        draw_slice(left, most, names, _acting(before, after, most))
         left.legend(fontsize=SMALLEST, frameon=False)
     else:
         left.set_axis_off()
         left.text(0.5, 0.5, "no curve changes", ha="center")
     _errors(right, [row for row in rows if row["of_flown"] and row["before"] and row["after"]])
     return figure
+
+
+def front_ends(before: AeroDatabase, after: AeroDatabase) -> list[str]:
+    """Return where the data of the curve in `front_figure` end, as `beyond_words` does."""
+    most = _most_changed(before, after)
+    return [] if most is None else beyond_words(_acting(before, after, most), (most.variable,))
+
+
+def _most_changed(before: AeroDatabase, after: AeroDatabase) -> Slice | None:
+    cuts = slices(before, after)
+    told = [cut for cut in cuts if cut.variable not in HAT_RATES] or cuts
+    return max(told, key=lambda cut: cut.largest, default=None)
+
+
+def _acting(before: AeroDatabase, after: AeroDatabase, cut: Slice) -> list[Increment]:
+    increments = (*new_increments(after, before), *new_increments(before, after))
+    return [each for each in increments if acts_on(each, cut.axis)]
 
 
 def _errors(panel: Any, rows: Sequence[Mapping[str, Any]]) -> None:

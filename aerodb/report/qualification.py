@@ -84,12 +84,13 @@ def qualification_rows(summary: Mapping[str, Any]) -> list[QualificationRow]:
 @dataclass(frozen=True)
 class QualificationTable:
     """What a page shows of the table: rows, how many more there are, and sentences on feedback,
-    tests that are not covered, and the standard."""
+    tests that are not covered, in words and by number alone, and the standard."""
 
     rows: Sequence[QualificationRow]
     left_out: int
     feedback: Sequence[str]
     uncovered: str
+    uncovered_numbers: str
     standard: Sequence[str]
 
 
@@ -106,6 +107,7 @@ def qualification_table(
         max(0, len(rows) - most),
         feedback_words(summary),
         uncovered_words(summary),
+        uncovered_numbers(summary),
         standard_words(summary),
     )
 
@@ -190,6 +192,31 @@ def uncovered_words(summary: Mapping[str, Any]) -> str:
     left = summary.get("not_covered") or ()
     named = "; ".join(f"{test['number']} {test['title']}" for test in left)
     return f"not covered: {named}" if named else ""
+
+
+def uncovered_numbers(summary: Mapping[str, Any]) -> str:
+    """Return the numbers of the tests that no flight covers, in short; empty where it covers
+    all."""
+    return _ranges([test["number"] for test in summary.get("not_covered") or ()])
+
+
+def _ranges(numbers: Sequence[str]) -> str:
+    """Return numbers of tests in short, those that follow one another as a range.
+
+    >>> _ranges(["2.c.1", "2.c.2", "2.c.3", "2.d.1", "2.d.3", "2.d.4"])
+    '2.c.1-3, 2.d.1, 2.d.3-4'
+    """
+    runs: list[list[str]] = []
+    for number in numbers:
+        head, _, last = number.rpartition(".")
+        before = f"{head}.{int(last) - 1}" if last.isdecimal() else ""
+        if runs and runs[-1][-1] == before:
+            runs[-1].append(number)
+        else:
+            runs.append([number])
+    return ", ".join(
+        run[0] if len(run) == 1 else f"{run[0]}-{run[-1].rpartition('.')[2]}" for run in runs
+    )
 
 
 def feedback_words(summary: Mapping[str, Any]) -> list[str]:

@@ -4,16 +4,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from functools import partial
-from typing import Any
+from typing import Any, Final
 
 from aerodb.nomenclature import AXES
 from aerodb.report.database_figure import database_figure
 from aerodb.report.diff_documents import curve_document, diff_document, edits_of
 from aerodb.report.diff_figures import diff_figures
 from aerodb.report.error_table import error_rows, shown_axes
-from aerodb.report.front_figure import front_figure
+from aerodb.report.front_figure import front_ends, front_figure
 from aerodb.report.gate_lines import gate_rows, release_lines
-from aerodb.report.glossary import listed
+from aerodb.report.glossary import listed, with_true_signs
 from aerodb.report.head import Head
 from aerodb.report.lineage_figure import Graph
 from aerodb.report.mode_table import COMPARED
@@ -23,6 +23,9 @@ from aerodb.report.reach import beyond_data, beyond_words
 from aerodb.report.response_page import response_scales
 from aerodb.report.style import Picture
 from aerodb.tables import AeroDatabase, diff
+
+#: Edits that a paper lists, the largest of all.
+_EDITS_ON_PAPER: Final = 8
 
 
 @dataclass(frozen=True)
@@ -96,7 +99,8 @@ def version_report(story: VersionStory) -> Iterator[str]:
             partial(front_figure, before, story.database, names, rows),
             f"The curve that changes most from {label} to {story.label}, and the error per axis.",
             "Left: the curve that changes most; grey, between dotted lines: where flights have"
-            " been. Right: error on the validation flights.",
+            " been. Right: error on the validation flights. "
+            + with_true_signs(" ".join(front_ends(before, story.database))),
         )
         slices = [
             Picture(
@@ -126,6 +130,7 @@ def version_report(story: VersionStory) -> Iterator[str]:
         front=front,
         changes=changes,
         edits=[] if changes is None else edits_of(changes),
+        on_paper=_EDITS_ON_PAPER,
         nodes=0 if changes is None else sum(len(entry["nodes"]) for entry in changes["nodes"]),
         curve=curve,
         ends=ends,

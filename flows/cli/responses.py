@@ -1,6 +1,5 @@
 """``aerodb version fly`` and ``validate``: versions flown over recorded flights."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Final
 
@@ -349,25 +348,6 @@ def _within_words(document: dict[str, Any]) -> str:
     return f"nothing is judged: {why[0] if why else 'these flights have no manoeuvre'}"
 
 
-def _ranges(numbers: Sequence[str]) -> str:
-    """Return numbers of tests in short, those that follow one another as a range.
-
-    >>> _ranges(["2.c.1", "2.c.2", "2.c.3", "2.d.1", "2.d.3", "2.d.4"])
-    '2.c.1-3, 2.d.1, 2.d.3-4'
-    """
-    runs: list[list[str]] = []
-    for number in numbers:
-        head, _, last = number.rpartition(".")
-        before = f"{head}.{int(last) - 1}" if last.isdecimal() else ""
-        if runs and runs[-1][-1] == before:
-            runs[-1].append(number)
-        else:
-            runs.append([number])
-    return ", ".join(
-        run[0] if len(run) == 1 else f"{run[0]}-{run[-1].rpartition('.')[2]}" for run in runs
-    )
-
-
 def _remedy(document: dict[str, Any]) -> str:
     """Return what the first stretch that was not flown asks for."""
     remedies = [entry["remedy"] for entry in document["not_flown"]]
@@ -383,7 +363,7 @@ def say_responses(
 ) -> None:
     """Print the summary of `validate_flow` for a version of this label; without `verbose` the
     tolerances alone. then : the next command, where something was flown."""
-    from aerodb.report import channel_scale, feedback_words
+    from aerodb.report import channel_scale, feedback_words, uncovered_numbers
 
     held = "held-out flight" if document["independent"] else "flight"
     kind = "" if document["independent"] else " that identified it"
@@ -395,7 +375,7 @@ def say_responses(
                 f"{counted(document['manoeuvres'], 'manoeuvre')} of"
                 f" {counted(len(document['flights']), held)}{kind}; {document['tolerances']}",
             ),
-            ("not covered", _ranges([test["number"] for test in document["not_covered"]])),
+            ("not covered", uncovered_numbers(document)),
         ],
         then if document["manoeuvres"] else _remedy(document),
         [("feedback", " ".join(feedback_words(document)))],
