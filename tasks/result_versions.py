@@ -14,8 +14,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 17,
     "import": 2,
     "fly": 6,
-    "estimate": 18,
-    "update": 25,
+    "estimate": 19,
+    "update": 26,
     "gram": 21,
     "close_loop": 64,
 }

@@ -24,7 +24,8 @@ The methods, by what they fit:
    `extended_kalman` and `unscented_kalman`.
 
 Shared by them: `parameters`, `time_history` and `dynamic_model` (what is fitted), `fit` and
-`standing` (the answer), `coloured_noise` and `whiteness` (residuals), `bounded`, `independence`.
+`standing` (the answer), `coloured_noise` and `whiteness` (residuals), `input_noise` (of
+deflections), `bounded`, `independence`.
 """
 
 from typing import TYPE_CHECKING
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
     )
     from .fit import AxisError, Fit, ParameterEstimate, Standing
     from .independence import InputCorrelation, dependent, input_correlations
+    from .input_noise import deflection_noise, told_without_noise, with_noise_once_more
     from .linear_models import (
         FROM_SUBSPACE,
         MOST_DELAY,

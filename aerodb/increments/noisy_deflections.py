@@ -1,57 +1,24 @@
 """What noise of logged deflections does to increments and parameters, and its correction.
 
-Noise of a deflection draws its effectiveness towards zero, and changes what moves with it (Fuller,
-*Measurement Error Models*, 1987, section 2.2). The size of white noise shows in differences of the
-log. The same noise added once more changes the normal equations once more by as much (Cook &
-Stefanski, JASA 89, 1994): what it changes is taken off. Noise of both signs leaves nothing of first
-order, and signs drawn for each sample leave no products of two deflections.
+The normal equations of a fit, with the noise of its deflections once more
+(`aerodb.estimation.input_noise`).
 """
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
-from math import comb
-from typing import Final
 
 import numpy as np
 
 from aerodb.coefficients import Comparison
-from aerodb.estimation import Regression
+from aerodb.estimation import Regression, told_without_noise, with_noise_once_more
 from aerodb.increments.model_file import Regressor
 from aerodb.increments.samples import AxisSamples, as_compared, columns_of
 from aerodb.nomenclature import is_surface
 from aerodb.support import Array
 from aerodb.tables import WIND_AXES, body_to_wind
 
-#: Highest order of the differences in which noise is looked for.
-_ORDERS: Final = 6
-#: Noise, as a part of a deflection's range, below which it is left: 1e-5 of an effect.
-_LEAST: Final = 1e-3
-#: Least part of what the deflections tell that must be no noise, as for regressors of
-#: `aerodb.estimation.total_least_squares`.
-_RELIABLE: Final = 0.3
-
 #: Normal equations of comparisons: ``X'X`` (k, k) and ``X'r`` (k,).
 NormalEquations = Callable[[Sequence[Comparison]], tuple[Array, Array]]
-
-
-def deflection_noise(channels: Mapping[str, Array]) -> dict[str, float]:
-    """Return one sigma of the white noise of each deflection among the channels (n,), in its unit;
-    those without noise are absent.
-
-    The least that differences of order one to six show, by their median: a deflection that moves
-    slowly for its rate leaves little in the higher orders, and steps leave little in the median
-    (variate differences: Tintner, 1940).
-    """
-    found = {}
-    for name, values in channels.items():
-        if is_surface(name) and len(values) > 2 * _ORDERS and np.isfinite(values).all():
-            sizes = [
-                float(np.median(np.abs(np.diff(values, order)))) / comb(2 * order, order) ** 0.5
-                for order in range(1, _ORDERS + 1)
-            ]
-            if (sigma := 1.4826 * min(sizes)) > _LEAST * np.ptp(values):
-                found[name] = sigma
-    return found
 
 
 def without_deflection_noise(
@@ -130,28 +97,19 @@ def _correction(
     product, score = equations(comparisons)
     product_noisier, score_noisier = (0.5 * (sides[0][k] + sides[1][k]) for k in (0, 1))
     root = np.linalg.cholesky(np.linalg.inv(product))
-    left = np.eye(len(product)) - root.T @ (product_noisier - product) @ root
-    if np.linalg.eigvalsh(left)[0] < _RELIABLE:
-        raise ValueError("noise of the deflections is most of what moves them")
-    inverse = root @ np.linalg.inv(left) @ root.T
+    inverse = root @ np.linalg.inv(told_without_noise(root, product_noisier - product)) @ root.T
     return inverse @ product, inverse @ (score - score_noisier)
 
 
 def _with_noise(comparison: Comparison) -> tuple[Comparison, Comparison] | None:
     """The comparison with the noise of its deflections once more, with both signs."""
     side = comparison.database_side
-    if side is None or not (noise := deflection_noise(side.channels)):
+    if side is None:
         return None
-    generator = np.random.default_rng(
-        int.from_bytes(comparison.flight.encode()[:8].ljust(8, b"0"), "big")
+    noisier = with_noise_once_more(side.channels, comparison.flight)
+    if noisier is None:
+        return None
+    plus, minus = (
+        replace(comparison, database_side=replace(side, channels=channels)) for channels in noisier
     )
-    added = {
-        name: sigma * generator.choice((-1.0, 1.0), len(comparison.time))
-        for name, sigma in noise.items()
-    }
-
-    def changed(sign: float) -> Comparison:
-        moved = {name: side.channels[name] + sign * error for name, error in added.items()}
-        return replace(comparison, database_side=replace(side, channels={**side.channels, **moved}))
-
-    return changed(1.0), changed(-1.0)
+    return plus, minus

@@ -203,6 +203,22 @@ def search(
     return _solution(problem, state, normal, information, converged, iteration)
 
 
+def equations_with(
+    model: DynamicModel,
+    records: Sequence[TimeHistory],
+    solution: OutputErrorSolution,
+    covariance: Covariance,
+) -> Normal:
+    """Return the normal equations (f, f) and (f,) at a solution, in its noise, of records that may
+    have other inputs than its own; NaN where they cannot be flown."""
+    problem = _Search(model, records, covariance)
+    steps = problem.steps(solution.vector, solution.information)
+    responses = problem.at(solution.vector, steps).responses
+    return normal_equations(
+        problem.records, responses, solution.noise, len(solution.vector), covariance
+    )
+
+
 def _solution(
     problem: _Search,
     state: _State,

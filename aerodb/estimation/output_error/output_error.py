@@ -27,6 +27,7 @@ from aerodb.estimation.output_error.gauss_newton import (
 )
 from aerodb.estimation.output_error.instability import instability
 from aerodb.estimation.output_error.likelihood import Covariance, coloured_information
+from aerodb.estimation.output_error.noisy_inputs import without_input_noise
 from aerodb.estimation.parameters import Parameters
 from aerodb.estimation.regression import ENOUGH_PER_ESTIMATE
 from aerodb.estimation.standing import standings
@@ -35,7 +36,8 @@ from aerodb.signals import theil
 from aerodb.support import Array
 
 ASSUMES = (
-    "The motion is deterministic: turbulence and errors of the inputs bias the estimates.",
+    "The motion is deterministic: turbulence and errors of the inputs bias the estimates."
+    " What white noise of deflections does is taken off.",
     "The noise of the outputs has no mean and is the same in every record.",
 )
 _FROM_REGRESSION = (
@@ -149,14 +151,20 @@ def fit_of(
 ) -> Fit:
     """The answer that belongs to where a search ended.
 
-    unstable : why the motion has no answer at all; empty where it has one.
+    unstable : why the motion has no answer at all; empty where it has one. What noise of the
+    deflections does is taken off (`without_input_noise`).
 
     Values are in SI units; NaN where the records determine none, ``diverged`` where the search has
     no end.
     """
     unknown, vector = model.parameters.unknown, solution.vector
     why = unstable or _divergence(model, records, solution)
+    added, taken_off = np.zeros((len(vector), len(vector))), tuple[str, ...]()
+    if not why:
+        solution, added, taken_off = without_input_noise(model, records, solution)
+        vector = solution.vector
     found = _covariances(model.parameters, solution)
+    found = found._replace(coloured=found.coloured + added)
     white, coloured, own_information = found.white, found.coloured, np.diag(solution.information)
     judged: Mapping[str, tuple[Standing, str]] = {}
     if why:
@@ -191,7 +199,7 @@ def fit_of(
         iterations=solution.iterations,
         log_likelihood=solution.noise.log_likelihood,
         assumes=assumes,
-        notes=_notes(why, found),
+        notes=(*_notes(why, found), *taken_off),
     )
 
 

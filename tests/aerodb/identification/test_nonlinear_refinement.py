@@ -89,13 +89,28 @@ def test_new_terms_and_the_product_of_inertia(product: float) -> None:
     assert any("3 starts end at the same values" in note for note in fit.notes)
 
 
-def test_noise_of_the_deflections_biases_the_terms_but_not_the_product() -> None:
-    """The printed noise of the potentiometers: the terms shrink by up to 4 %, which their standard
-    errors leave out, as the method says of errors of its inputs."""
+def test_noise_of_the_deflections_is_taken_off_and_counted() -> None:
+    """The printed noise of the potentiometers. In three sets of three legs 51 of 54 terms are within
+    two standard errors. Without the correction there were 41, and CY of a stabilator was five away."""
+    model, nominal = parse_model_file(NEW), six_surfaces.database(False)
+    exact, noisy = (
+        fits_of(METHODS["output-error"], flights(range(3), IXZ, surfaces), model, nominal)[0]
+        for surfaces in (False, True)
+    )
+    assert not any("deflections" in each for each in exact.notes)
+    assert any("Noise of deflections moved estimates" in n for n in noisy.notes)
+    inside = [abs(noisy[n].value - v) < 2.0 * noisy[n].standard_error for n, v in planted().items()]
+    assert np.mean(inside) >= 0.88  # 16 of 18: 95 % of trials have as many
+    for name in planted():
+        if "CY" in name:
+            assert noisy[name].standard_error > 1.5 * exact[name].standard_error
+
+
+def test_refinement_with_noise_of_the_deflections() -> None:
     fit = refined(flights(range(3), -0.35))
     assert fit["Ixz"].value == pytest.approx(IXZ, rel=0.1)
     for name, value in planted().items():
-        assert abs(fit[name].value - value) < 0.05 * abs(value) + 4.0 * fit[name].standard_error
+        assert abs(fit[name].value - value) < 0.05 * abs(value) + 2.0 * fit[name].standard_error
     assert any("errors of the inputs bias" in each for each in fit.assumes)
 
 

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from aerodb.coefficients import compare
-from aerodb.estimation import coloured_sum, shared_coloured_sum
-from aerodb.increments import DeclaredIncrement, ModelFile, estimate_increments, noisy_deflections
-from aerodb.increments.noisy_deflections import deflection_noise
+from aerodb.estimation import coloured_sum, deflection_noise, input_noise, shared_coloured_sum
+from aerodb.increments import DeclaredIncrement, ModelFile, estimate_increments
 from aerodb.increments.parameters import estimate_parameters
 from tests.support import six_surfaces
 from tests.support.build_up import build_up, flights
@@ -45,7 +44,7 @@ def test_what_noise_takes_is_given_back(monkeypatch: pytest.MonkeyPatch) -> None
     leaves no error of first order."""
     exact = drawn(0.0, 1.0)
     assert np.mean([drawn(0.2, sign) for sign in (-1.0, 1.0)]) == pytest.approx(exact, abs=0.006)
-    monkeypatch.setattr(noisy_deflections, "deflection_noise", lambda channels: {})
+    monkeypatch.setattr(input_noise, "deflection_noise", lambda channels: {})
     plain = float(np.mean([drawn(0.2, sign) for sign in (-1.0, 1.0)]))
     assert plain - exact == pytest.approx(1.0 / 1.04 - 1.0, rel=0.2)
 

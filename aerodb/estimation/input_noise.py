@@ -1,0 +1,77 @@
+"""White noise of logged deflections: its size, and what it takes from a fit.
+
+Noise of a deflection draws its effectiveness towards zero, and changes what moves with it (Fuller,
+*Measurement Error Models*, 1987, section 2.2). The size of white noise shows in differences of the
+log. The same noise added once more changes the normal equations once more by as much (Cook &
+Stefanski, JASA 89, 1994): what it changes is taken off. Noise of both signs leaves nothing of first
+order, and signs drawn for each sample leave no products of two deflections.
+"""
+
+from collections.abc import Mapping
+from math import comb
+from typing import Final
+
+import numpy as np
+
+from aerodb.nomenclature import is_surface
+from aerodb.support import Array
+
+#: Highest order of the differences in which noise is looked for.
+_ORDERS: Final = 6
+#: Noise, as a part of a deflection's range, below which it is left: 1e-5 of an effect.
+_LEAST: Final = 1e-3
+#: Least part of what the deflections tell that must be no noise, as for regressors of
+#: `aerodb.estimation.total_least_squares`.
+_RELIABLE: Final = 0.3
+
+
+def deflection_noise(channels: Mapping[str, Array]) -> dict[str, float]:
+    """Return one sigma of the white noise of each deflection among the channels (n,), in its unit;
+    those without noise are absent.
+
+    The least that differences of order one to six show, by their median: a deflection that moves
+    slowly for its rate leaves little in the higher orders, and steps leave little in the median
+    (variate differences: Tintner, 1940).
+    """
+    found = {}
+    for name, values in channels.items():
+        if is_surface(name) and len(values) > 2 * _ORDERS and np.isfinite(values).all():
+            sizes = [
+                float(np.median(np.abs(np.diff(values, order)))) / comb(2 * order, order) ** 0.5
+                for order in range(1, _ORDERS + 1)
+            ]
+            if (sigma := 1.4826 * min(sizes)) > _LEAST * np.ptp(values):
+                found[name] = sigma
+    return found
+
+
+def with_noise_once_more(
+    channels: Mapping[str, Array], record: str, draw: int = 0
+) -> tuple[dict[str, Array], dict[str, Array]] | None:
+    """Return the channels (n,) with the noise of their deflections once more, with both signs; None
+    where they have none. A record has the same signs every time, and others in another draw."""
+    if not (noise := deflection_noise(channels)):
+        return None
+    seed = int.from_bytes(record.encode()[:8].ljust(8, b"0"), "big")
+    generator = np.random.default_rng(seed + draw)
+    added = {
+        name: sigma * generator.choice((-1.0, 1.0), len(channels[name]))
+        for name, sigma in noise.items()
+    }
+    above = {name: channels[name] + error for name, error in added.items()}
+    below = {name: channels[name] - error for name, error in added.items()}
+    return {**channels, **above}, {**channels, **below}
+
+
+def told_without_noise(directions: Array, more: Array) -> Array:
+    """Return what the deflections tell without their noise, as a share (j, j) of what they tell.
+
+    directions : (k, j) in which k estimates can move, of unit length in standard errors.
+    more : what the noise once more adds to the normal matrix (k, k).
+
+    Raises ValueError where noise is most of what moves the deflections.
+    """
+    left = np.eye(directions.shape[1]) - directions.T @ more @ directions
+    if np.linalg.eigvalsh(left).min(initial=1.0) < _RELIABLE:
+        raise ValueError("noise of the deflections is most of what moves them")
+    return np.asarray(left)

@@ -1,0 +1,114 @@
+"""What noise of logged deflections does to a model that is simulated, and its correction.
+
+A deflection with noise moves the model by that noise too. A model with less effectiveness then fits
+better, and what the noise of one flight happened to be goes into the estimates. The same noise once
+more, drawn several times, tells both: what it does on average is taken off, and its scatter is
+added to the covariance (Cook & Stefanski, JASA 89, 1994). Each draw is one Gauss-Newton step, so
+that initial states take up what they can, as they did of the noise that is there.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, Final
+
+import numpy as np
+
+from aerodb.estimation.dynamic_model import DynamicModel
+from aerodb.estimation.input_noise import told_without_noise, with_noise_once_more
+from aerodb.estimation.output_error.gauss_newton import (
+    OutputErrorSolution,
+    equations_with,
+    projected,
+    search,
+)
+from aerodb.estimation.output_error.likelihood import Covariance, Normal
+from aerodb.estimation.parameters import bounds_of
+from aerodb.estimation.time_history import TimeHistory
+from aerodb.support import Array
+
+#: Draws of the noise, each with both signs: their scatter has an error of a quarter.
+_DRAWS: Final = 8
+#: Noise that moves no estimate by more than this, in standard errors for white noise, is left.
+_SMALL: Final = 0.1
+#: Move of an estimate, in the same unit, from which it is told.
+_TOLD: Final = 0.5
+
+
+def without_input_noise(
+    model: DynamicModel, records: Sequence[TimeHistory], solution: OutputErrorSolution
+) -> tuple[OutputErrorSolution, Array, tuple[str, ...]]:
+    """Return the solution without the draw of noisy deflections, the covariance (f, f) of what
+    their noise adds to the estimates, and what is to be told, in sentences.
+
+    A search without an end stays as it is, as does one in which noise is most of what moves the
+    deflections, and then this is told.
+    """
+    unknown, f = model.parameters.unknown, len(solution.vector)
+    as_it_is = solution, np.zeros((f, f)), ()
+    if not solution.converged:
+        return as_it_is
+    lower, upper = bounds_of(unknown)
+    free = (solution.vector > lower) & (solution.vector < upper)
+    directions = projected(solution.information, solution.normal, free)
+    sigma = np.linalg.norm(directions, axis=1)
+    prior = solution.information - solution.normal.information
+    moves, more = list[tuple[Array, Array]](), np.zeros((f, f))
+    for draw in range(_DRAWS):
+        sides = _noisier(model, records, solution, draw)
+        if sides is None or not all(np.isfinite(side.information).all() for side in sides):
+            return as_it_is
+        both = []
+        for side in sides:
+            own = projected(side.information + prior, side, free)
+            both.append(own @ (own.T @ (side.gradient - solution.normal.gradient)))
+            more += (side.information - solution.normal.information) / (2 * _DRAWS)
+        moves.append((both[0], both[1]))
+        if not draw and np.all(np.abs(both) <= _SMALL * sigma):
+            return as_it_is
+    try:
+        told_without_noise(directions, more)
+    except ValueError as error:
+        return *as_it_is[:2], (f"Effects of controls may be too small: {error}.",)
+    pairs = np.array(moves)
+    mean, once = pairs.mean(axis=(0, 1)), 0.5 * (pairs[:, 0] - pairs[:, 1])
+    vector = np.clip(solution.vector - mean, lower, upper)
+    values = {item.name: float(value) for item, value in zip(unknown, vector, strict=True)}
+    placed: Any = replace(model, parameters=model.parameters.changed(values))  # type: ignore[type-var]
+    corrected = search(placed, records, _kind(solution), most_iterations=0)
+    if not np.isfinite(corrected.noise.log_likelihood):
+        return as_it_is
+    most = float(np.max(np.abs(mean) / np.where(sigma > 0.0, sigma, np.inf)))
+    told = f"Noise of deflections moved estimates by up to {most:.1f} standard errors: taken off."
+    return (
+        replace(corrected, converged=True, iterations=solution.iterations),
+        once.T @ once / _DRAWS,
+        (told,) if most > _TOLD else (),
+    )
+
+
+def _noisier(
+    model: DynamicModel, records: Sequence[TimeHistory], solution: OutputErrorSolution, draw: int
+) -> tuple[Normal, Normal] | None:
+    """The normal equations at the solution with a draw of the noise once more, with both signs;
+    None without noise."""
+    noisy = [with_noise_once_more(record.inputs, record.name, draw) for record in records]
+    if all(each is None for each in noisy):
+        return None
+    first, second = (
+        equations_with(
+            model,
+            [
+                record if both is None else replace(record, inputs=both[side])
+                for record, both in zip(records, noisy, strict=True)
+            ],
+            solution,
+            _kind(solution),
+        )
+        for side in (0, 1)
+    )
+    return first, second
+
+
+def _kind(solution: OutputErrorSolution) -> Covariance:
+    found = solution.noise.covariance
+    return "full" if np.any(found != np.diag(np.diag(found))) else "diagonal"
