@@ -123,7 +123,10 @@ class Workspace:
         without `create`."""
         workspace = cls(root.absolute())
         if not create and not catalogue_location(workspace.catalogue).begun:
-            remedy = "name an existing workspace with --workspace or $AERODB_WORKSPACE"
+            remedy = (
+                "name an existing workspace with --workspace or $AERODB_WORKSPACE, or make one:"
+                " aerodb demo, or aerodb vehicle init"
+            )
             raise InputError("there is no workspace here", str(root), remedy)
         try:
             for name in _FOLDERS:

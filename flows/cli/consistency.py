@@ -49,6 +49,11 @@ def say_consistency(
             "used",
         ]
         session.table(columns, [[f"{indent}{row[0]}", *row[1:]] for row in rows], numbers=(1, 2, 3))
+        beyond = [
+            c for c in document["channels"] if c["limit"] is not None and c["after"] > c["limit"]
+        ]
+        if any(channel["verdict"] == "good" for channel in beyond):
+            session.say(f"{indent}mismatches hold gusts; the verdict leaves them out")
     applied = [entry for entry in document.get("estimates", []) if entry["applied"]]
     if applied and not verbose:
         session.say(f"{indent}corrected: {len(applied)} errors of sensors")

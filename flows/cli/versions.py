@@ -239,7 +239,7 @@ def show(
     own = [term for term in database.terms if not term.part]
     if len(own) > _LISTED and not verbose:
         session.table(["axis", "terms", "depend on"], _by_axis(own), (1,))
-        session.say("details: -v")
+        session.say("each term: -v")
     elif own or not database.parts:
         session.table(
             ["axis", "term", "expression"], [[t.axis, t.name, str(t.expression)] for t in own]
@@ -263,16 +263,15 @@ def show(
             [parameter_row(name, database.variables[name]) for name in database.parameters],
             (1, 2, 5),
         )
-    for increment in database.increments:
-        session.say(f"increment on {increment.axis}, from {len(increment.flights)} flights:")
-        session.table(
-            ["term", "value", "standard error", "unit"],
-            [
-                [name, f"{value:.5g}", f"{error:.2g}", unit]
-                for name, unit, value, error in increment_terms(increment)
-            ],
-            (1, 2),
-        )
+    rows = [
+        [each.axis, name, f"{value:.5g}", f"{error:.2g}", unit, str(len(each.flights))]
+        for each in database.increments
+        for name, unit, value, error in increment_terms(each)
+    ]
+    if rows:
+        session.say()
+        columns = ["axis", "increment", "value", "standard error", "unit", "flights"]
+        session.table(columns, rows, (2, 3, 5))
     for sentence in beyond_words(database.increments, units=session.units):
         session.say(sentence)
     session.answer({**document, **folds})

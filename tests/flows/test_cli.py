@@ -413,9 +413,9 @@ def test_wrong_usage_and_an_absent_workspace(tmp_path: Path) -> None:
     assert "--reason" in lacking.stderr
     absent = aerodb(tmp_path / "w", "version", "list")
     assert absent.returncode == 3
-    assert (
-        absent.stderr.splitlines()[1]
-        == "name an existing workspace with --workspace or $AERODB_WORKSPACE"
+    assert absent.stderr.splitlines()[1] == (
+        "name an existing workspace with --workspace or $AERODB_WORKSPACE, or make one: aerodb"
+        " demo, or aerodb vehicle init"
     )
     assert not (tmp_path / "w").exists(), "a query makes no workspace"
 
