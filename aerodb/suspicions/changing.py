@@ -13,11 +13,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning import SETTLED, Suspicion
-from aerodb.estimation import Regression, samples_per_independent
+from aerodb.estimation import Regression
 from aerodb.flight import Flight
 from aerodb.support import Array
 from aerodb.suspicions.equation_error import RATE_OF, EquationError
-from aerodb.suspicions.evidence import ERRORS, INFLATION, LIKELIER, SWING
+from aerodb.suspicions.evidence import ERRORS, INFLATION, LIKELIER, SWING, likelier_by
 from aerodb.suspicions.surfaces import Control, along
 
 #: Kind of a suspicion of a surface whose effect changes.
@@ -76,8 +76,7 @@ def _changes(flight: Flight, axis: EquationError, name: str) -> Suspicion | None
     one, other = fit.names.index(name), fit.names.index(CHANGED)
     before, change = float(fit.estimates[one]), float(fit.estimates[other])
     error = float(fit.standard_errors[other])
-    independent = where.sum() / max(1.0, samples_per_independent(fit.residual))
-    likelier = 0.5 * float(independent) * float(np.log(left))
+    likelier = likelier_by(fit, left)
     if (
         fit.r_squared < EXPLAINED
         or likelier < wanted

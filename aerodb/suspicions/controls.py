@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.conditioning import LARGEST_DELAY, Suspicion
-from aerodb.estimation import Regression, samples_per_independent
+from aerodb.estimation import Regression
 from aerodb.flight import Flight
 from aerodb.support import half_interval
 from aerodb.suspicions.assignment import assignment_suspicions
@@ -37,6 +37,7 @@ from aerodb.suspicions.evidence import (
     LIKELIER,
     SWING,
     WELL_EXPLAINED,
+    likelier_by,
 )
 from aerodb.suspicions.sides import side_suspicions
 from aerodb.suspicions.surfaces import Control, along, by_role, copied_suspicions, size_suspicions
@@ -195,9 +196,8 @@ def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> 
         return None
     k = chosen.names.index(name)
     effect, error = float(chosen.estimates[k]), float(chosen.standard_errors[k])
-    independent = inner.sum() / max(1.0, samples_per_independent(chosen.residual))
     unexplained = (1.0 - zero.r_squared) / max(1.0 - chosen.r_squared, 1e-12)
-    likelier = 0.5 * independent * float(np.log(max(unexplained, 1e-12)))
+    likelier = likelier_by(chosen, unexplained)
     seconds = best * axis.step
     if (
         abs(seconds) < LATE
@@ -206,6 +206,7 @@ def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> 
         or likelier < LIKELIER + DELAYS_TRIED
         or not effect < -max(ERRORS * error, EFFECT[axis.role][0])
         or chosen.vif[k] > INFLATION
+        or _bends(view, chosen)
     ):
         return None
     how = "late: the motion comes before it" if seconds < 0 else "early: the motion follows it"
@@ -216,6 +217,16 @@ def _late(axis: EquationError, fit: Regression, name: str, control: Control) -> 
     )
     evidence = {"delay": -seconds, "likelier": likelier, "explained": chosen.r_squared}
     return Suspicion(name, "delay", words, evidence)
+
+
+def _bends(axis: EquationError, delayed: Regression) -> bool:
+    """Whether the flow angle explains as well, by its rate and a slope that changes, what a delay
+    explains of the moment."""
+    fit = axis.fit({**axis.controls, **axis.bent})
+    if fit is None:
+        return False
+    unexplained = (1.0 - fit.r_squared) / max(1.0 - delayed.r_squared, 1e-12)
+    return likelier_by(delayed, unexplained) < LIKELIER + DELAYS_TRIED
 
 
 def _exchanged(

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning import LARGEST_DELAY, Suspicion
-from aerodb.estimation import Regression, samples_per_independent
+from aerodb.estimation import Regression
 from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_surface
 from aerodb.support import Array, half_interval
@@ -33,6 +33,7 @@ from aerodb.suspicions.evidence import (
     RATIOS,
     SCATTER,
     WELL_EXPLAINED,
+    likelier_by,
 )
 from aerodb.suspicions.exchanged import exchanged_suspicions
 from aerodb.suspicions.faults_in_time import faults_in_time
@@ -255,10 +256,9 @@ def _delay(axis: AxisShares, name: str) -> Suspicion | None:
     if fit is None or now is None:
         return None
     share, zero = view.share(fit, name), view.share(now, name)
-    independent = view.where.sum() / max(1.0, samples_per_independent(fit.residual))
     gained = (1.0 - now.r_squared) / max(1.0 - fit.r_squared, 1e-12)
     unusual = ((share.ratio - 1.0) ** 2 - (zero.ratio - 1.0) ** 2) / (2.0 * USUAL**2)
-    likelier = 0.5 * independent * float(np.log(max(gained, 1e-12))) - unusual
+    likelier = likelier_by(fit, gained) - unusual
     seconds = lag * axis.step
     if (
         likelier < LIKELIER + DELAYS_TRIED

@@ -33,7 +33,10 @@ MOTION = {"pitch": ("alpha", "q"), "roll": ("beta", "p", "r"), "yaw": ("beta", "
 @dataclass(frozen=True)
 class EquationError:
     """What is regressed about one axis: the band-passed moment and its regressors, means of `every`
-    samples of the flight."""
+    samples of the flight.
+
+    bent : what the moment may depend on as well: the rate of the flow angle (downwash that lags)
+    and its product with alpha (a slope that changes)."""
 
     role: str
     moment: Array
@@ -42,6 +45,7 @@ class EquationError:
     where: NDArray[np.bool_]
     step: float
     every: int
+    bent: Mapping[str, Array]
 
     def thinned(self, values: Array) -> Array:
         """Return a channel of the flight at the samples of the regression.
@@ -162,7 +166,22 @@ def equation_errors(
             where,
             step,
             every,
+            {
+                f"{motion[0]} {how}": banded(values * np.nan_to_num(weight, nan=1.0))
+                for how, values in _bent(states, motion[0], step).items()
+            },
         )
+    return found
+
+
+def _bent(states: Mapping[str, Array], angle: str, step: float) -> dict[str, Array]:
+    """How a moment depends on a flow angle beside in proportion to it: by its rate, and by its
+    product with alpha."""
+    if angle not in states:
+        return {}
+    found = {"rate": np.gradient(states[angle], step)}
+    if "alpha" in states:
+        found["times alpha"] = states[angle] * (states["alpha"] - np.nanmean(states["alpha"]))
     return found
 
 
