@@ -8,10 +8,10 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 10,
-    "conditioning": 27,
+    "conditioning": 28,
     "consistency": 28,
     "coefficients": 5,
-    "compare": 17,
+    "compare": 18,
     "import": 2,
     "fly": 6,
     "estimate": 19,

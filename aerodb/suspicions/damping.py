@@ -32,7 +32,7 @@ from aerodb.vehicle import Vehicle
 #: How long ago the controls moved that are instruments [s]. Roll gusts last less than the first
 #: (4 b / pi V: Hoblit, Gust Loads on Aircraft, 1988). Motion that a control makes ends by the last.
 _AGO: Final = (0.3, 0.5, 0.7, 0.9, 1.1)
-_WRONG: Final = "Ixx, span, area or airspeed is wrong, or the log is another aircraft's"
+_WRONG: Final = "Ixx, span, area, airspeed or beta is wrong, or the log is another aircraft's"
 
 
 def damping_beside_vehicle(

@@ -112,7 +112,8 @@ def against_database(
     jumps = shift_beside(flight, vehicle, measured, predicted, usable, bandwidth)
     if not (lift or jumps):
         slopes = {axis: each.slopes for axis, each in axes.items()}
-        changing = faults_in_time(flight, slopes, measured, predicted, usable)
+        alone = not (surfaces or shared)
+        changing = faults_in_time(flight, vehicle, slopes, measured, predicted, usable, alone)
         constant = {each.channel for each in (*surfaces, *shared)}
         # What changes with time makes constants wrong; no constant looks like it on all axes. Of
         # one channel, a constant has the better size.

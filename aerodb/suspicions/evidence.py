@@ -52,12 +52,6 @@ LARGEST_ANGLE = np.pi / 2 + 0.1
 
 def likelier_by(fit: Regression, unexplained: float) -> float:
     """Return by how much a fit is likelier, as a logarithm, than one that leaves `unexplained`
-    times its squares (dimensionless).
-
-    Each parameter uses one of the samples that are independent in its residual. From ten that are
-    left on, chance exceeds `LIKELIER` at most 1.4 times as often as in endless flights (t^2 against
-    chi^2).
-    """
+    times its squares (dimensionless), by the samples that are independent in its residual."""
     independent = len(fit.residual) / max(1.0, samples_per_independent(fit.residual))
-    free = max(independent - len(fit.estimates), 0.0)
-    return 0.5 * free * float(np.log(max(unexplained, 1e-12)))
+    return 0.5 * independent * float(np.log(max(unexplained, 1e-12)))

@@ -25,7 +25,7 @@ from aerodb.suspicions.angles import off_motion
 from aerodb.suspicions.changing import CHANGED, LOUDER, MISSED
 from aerodb.suspicions.equation_error import RATE_OF, averaged
 from aerodb.suspicions.evidence import FEWEST, LIKELIER
-from aerodb.suspicions.in_flight import HUGE, flying
+from aerodb.suspicions.in_flight import HUGE, flying, known_masses
 from aerodb.suspicions.sized_faults import (
     ACCELERATIONS,
     ALWAYS,
@@ -40,6 +40,7 @@ from aerodb.suspicions.sized_faults import (
     sized,
 )
 from aerodb.suspicions.surfaces import role_of
+from aerodb.vehicle import Vehicle
 
 #: Kind of a suspicion of a zero that moves.
 MOVED: Final = "zero"
@@ -63,16 +64,19 @@ _MEASURED_BY: Final = {**dict(zip(("Cl", "Cm", "Cn"), RATES, strict=True)), "CY"
 
 def faults_in_time(
     flight: Flight,
+    vehicle: Vehicle,
     slopes: Mapping[str, Mapping[str, float]],
     measured: Mapping[str, Array],
     predicted: Mapping[str, Array],
     usable: Mapping[str, NDArray[np.bool_]],
+    alone: bool,
 ) -> list[Suspicion]:
     """Return channels that stand still while the motion goes on, or the likeliest fault that
     changes with time; empty where nothing does.
 
-    slopes : axis -> variable -> dC/dvariable per rad. measured, predicted, usable : axis -> (n,).
-    Source: `docs/method/consistency.md`, section "Against the database".
+    vehicle : for its mass [kg] and area [m^2]. slopes : axis -> variable -> dC/dvariable per rad.
+    measured, predicted, usable : axis -> (n,). alone : whether no constant fault is said. Source:
+    `docs/method/consistency.md`, section "Against the database".
     """
     every = max(1, round(STEP / flight.step))
     judged = _judged(flight, slopes, measured, predicted, usable)
@@ -102,43 +106,51 @@ def faults_in_time(
         return held
     basis = _basis(moving, len(t))
     axes = {axis: _axis(rests[axis][inside], basis, wholes[axis][inside]) for axis in judged}
-    more = _Columns(
-        {name: values[inside] for name, values in off_motion(flight, every).items()},
-        {
-            name: averaged(values, every)[inside]
-            for name, values in _coefficients_per_acceleration(flight, measured, good).items()
-        },
-    )
-    return _likeliest(axes, slopes, moving, more, t)
+    per_acceleration = {
+        name: averaged(values, every)[inside]
+        for name, values in _coefficients_per_acceleration(flight, vehicle, axes).items()
+    }
+    readings = {}
+    for axis, name in _MEASURED_BY.items():
+        if name in per_acceleration:
+            shown = averaged(_reading(flight, name), every)[inside]
+            arms = per_acceleration[name] * shown - averaged(measured[axis], every)[inside]
+            readings[name] = axes[axis].explained(wholes[axis][inside] + arms)
+    vanes = {name: values[inside] for name, values in off_motion(flight, every).items()}
+    more = _Columns(vanes, per_acceleration, readings)
+    return _likeliest(axes, slopes, moving, more, t, alone)
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
-    """What is no channel: how far vanes are from the motion (m,) [rad], by their names; and the
-    coefficient that 1 m/s2 of an accelerometer makes of its axis (m,), by its name."""
+    """What is no channel: how far vanes are from the motion (m,) [rad], by their names; and of each
+    accelerometer the coefficient that 1 m/s2 of it makes of its axis (m,), and what it reads of the
+    database's force and of the turning about it, as a coefficient (m,)."""
 
     off_motion: Mapping[str, Array]
     per_acceleration: Mapping[str, Array]
+    readings: Mapping[str, Array]
+
+
+def _reading(flight: Flight, name: str) -> Array:
+    """An accelerometer (n,) [m/s2], at the CG or where it sits."""
+    return flight[name if name in flight else f"{name}_imu"]
 
 
 def _coefficients_per_acceleration(
-    flight: Flight, measured: Mapping[str, Array], good: NDArray[np.bool_]
+    flight: Flight, vehicle: Vehicle, axes: Iterable[str]
 ) -> dict[str, Array]:
-    """Coefficient (n,) per m/s2 of ay and az: mass over area and dynamic pressure, as the measured
-    forces have it."""
-    found = {}
-    for axis, name in (("CY", "ay"), ("CZ", "az")):
-        logged = name if name in flight.channels else f"{name}_imu"
-        if not {logged, "qbar"} <= flight.channels.keys() or axis not in measured:
-            continue
-        with np.errstate(all="ignore"):
-            shown = flight[logged] / flight["qbar"]
-            where = good & np.isfinite(shown * measured[axis])
-            squares = float(shown[where] @ shown[where])
-            if squares > 0.0:
-                mass = float(shown[where] @ measured[axis][where]) / squares
-                found[name] = np.nan_to_num(mass / flight["qbar"], posinf=0.0, neginf=0.0)
-    return found
+    """Coefficient (n,) per m/s2 of ay and az: mass over area and dynamic pressure."""
+    mass = known_masses(flight, vehicle).get("mass")
+    if mass is None or "qbar" not in flight:
+        return {}
+    with np.errstate(all="ignore"):
+        force = mass / (vehicle.reference.area * flight["qbar"])
+    return {
+        name: np.nan_to_num(force, posinf=0.0, neginf=0.0)
+        for axis, name in _MEASURED_BY.items()
+        if axis in axes and name in ACCELERATIONS and {name, f"{name}_imu"} & set(flight.channels)
+    }
 
 
 def _judged(
@@ -170,7 +182,8 @@ def _is_steep(flight: Flight, angle: str, good: NDArray[np.bool_]) -> bool:
 def _axis(rest: Array, basis: Array, whole: Array) -> Axis:
     left = rest - basis @ (basis.T @ rest)
     independent = len(rest) / samples_per_independent(left)
-    return Axis(left, basis, basis @ (basis.T @ whole), independent)
+    axis = Axis(left, basis, whole, independent)
+    return replace(axis, whole=axis.explained(whole))
 
 
 def _likeliest(
@@ -179,16 +192,17 @@ def _likeliest(
     moving: Mapping[str, Array],
     more: _Columns,
     t: Array,
+    alone: bool,
 ) -> list[Suspicion]:
     """The likeliest fault, if it pays for all that were tried, with those that are nearly so."""
     faults = _ranked(_faults(axes, slopes, moving, more, t))
-    found = next(iter(_large(faults)), None)
+    found = next(iter(_large(faults, alone)), None)
     if found is None:
         return []
     # What is independent is known with the fault.
     axes = {axis: _with_fault(each, found, axis) for axis, each in axes.items()}
     faults = _ranked(_faults(axes, slopes, moving, more, t))
-    best = next((each for each in _large(faults) if each.is_certain(len(faults))), None)
+    best = next((each for each in _large(faults, alone) if each.is_certain(len(faults))), None)
     if best is None:
         return []
     least = min(ALIKE * best.likelier, best.likelier - LIKELIER)
@@ -204,10 +218,10 @@ def _likeliest(
     return [Suspicion(best.channel, kind, _words(best, list(near.values())[1:]), evidence)]
 
 
-def _large(faults: Sequence[Fault]) -> list[Fault]:
+def _large(faults: Sequence[Fault], alone: bool) -> list[Fault]:
     """Those of faults, the likeliest first, that are large enough to be said."""
     likeliest = next((fault for fault in faults if not fault.is_rival_only), None)
-    return [fault for fault in faults if fault.is_large(fault is likeliest)]
+    return [fault for fault in faults if fault.is_large(fault is likeliest, alone)]
 
 
 def _ranked(faults: Iterable[Fault]) -> list[Fault]:
@@ -250,7 +264,8 @@ def _added(
         for what, change in kinds.items():
             added = {axis: slope * change(moving[name]) for axis, slope in acts.items()}
             if own is not None and what != "zero":  # a moment follows from the rate's change
-                added[own] = added.get(own, 0.0) + change(axes[own].whole)
+                shown = more.readings.get(name, axes[own].whole)
+                added[own] = added.get(own, 0.0) + change(shown)
             if added:
                 yield name, what, added
     for name, angle in more.off_motion.items():
@@ -350,9 +365,11 @@ def _words(best: Fault, near: Sequence[Fault]) -> str:
             f" No motion explains it: the zero of the channel changed, or {other}{rivals}"
         )
     if best.what == "play":
+        # What goes before the channel, instead of after it, is as far from a rate that is late.
+        late = f", or {RATE_OF[role_of(name)]} is late or filtered" if best.size > 0.0 else ""
         return (
             f"{name} and its surface part by {2.0 * np.rad2deg(abs(best.size)):.2g} deg where the"
-            f" motion turns, by the {on} of the database: a linkage has play{rivals}"
+            f" motion turns, by the {on} of the database: a linkage has play{late}{rivals}"
         )
     if best.what == "delay":
         return (

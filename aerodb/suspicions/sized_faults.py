@@ -32,12 +32,14 @@ STEP: Final = 0.1
 #: Least share that a change of gain explains of what is left of the axis on which it acts most.
 #: Beside right flights a database that lacks an effect makes .38 look like one.
 EXPLAINED_GAIN: Final = 0.4
-#: The same of a zero: an aileron in coarse steps makes .11 look like one.
+#: The same of a zero, and of what changes evenly over the flight: an aileron in coarse steps makes
+#: .11 look like one.
 EXPLAINED_ZERO: Final = 0.15
-#: The same of a zero that is likelier than every other fault: none of 600 flights without a fault
-#: has one beyond chance.
+#: The same of one that is likelier than every other fault: none of 700 flights without a fault has
+#: one beyond chance.
 EXPLAINED_LIKELIEST: Final = 0.05
-#: The same of a delay: a wing that bends makes .22 look like one.
+#: The same of a delay, on all axes on which it is seen. A wing that bends makes .22 look like one on
+#: one axis; none of 700 flights without a fault has one on two.
 EXPLAINED_DELAY: Final = 0.3
 #: The same of a play: gusts make .26 look like one.
 EXPLAINED_PLAY: Final = 0.35
@@ -84,7 +86,11 @@ class Axis:
 
     def own(self, values: Array) -> Array:
         """What motion leaves of `values` (m,)."""
-        return np.asarray(values - self.basis @ (self.basis.T @ values))
+        return np.asarray(values - self.explained(values))
+
+    def explained(self, values: Array) -> Array:
+        """What motion explains of `values` (m,)."""
+        return np.asarray(self.basis @ (self.basis.T @ values))
 
     def beside(self, values: Array) -> "Axis":
         """The axis with one more column (m,) among the motion."""
@@ -124,12 +130,16 @@ class Fault:
         other = is_surface(self.channel) and not role_of(self.channel)
         return self.what == "zero" and (self.channel in RATES or other)
 
-    def is_large(self, likeliest: bool) -> bool:
-        """Whether its share and its size are large enough to be said. likeliest : of all faults."""
+    def is_large(self, likeliest: bool, alone: bool) -> bool:
+        """Whether its share and its size are large enough to be said. likeliest : of all faults.
+        alone : no constant fault is said of the flight, beside which others look as if they grew.
+        """
         least = _EXPLAINED[self.what]
-        if likeliest and self.what == "zero":
-            least = EXPLAINED_LIKELIEST
+        if self.what == "zero" or (self.when == EVENLY and alone):
+            least = EXPLAINED_LIKELIEST if likeliest else EXPLAINED_ZERO
         share = next(iter(self.shares.values()))
+        if self.what == "delay" and share > SEEN:  # axes that agree about it count together
+            share = 1.0 - float(np.prod([1.0 - s for s in self.shares.values() if s > SEEN]))
         return not self.is_rival_only and share > least and abs(self.size) > self.least
 
     @property
@@ -144,7 +154,9 @@ class Fault:
         wanted = LIKELIER + float(np.log(tried))
         if self.when not in (ALWAYS, EVENLY):
             wanted += float(np.log(len(next(iter(self.columns.values())))))
-        certain = abs(self.size) > self.least + ERRORS * self.error
+        # A delay is there or not; how much of one is a servo's is no law.
+        beyond = 0.0 if (self.what, self.when) == ("delay", ALWAYS) else self.least
+        certain = abs(self.size) > max(self.least, beyond + ERRORS * self.error)
         return certain and self.likelier > wanted
 
 

@@ -232,6 +232,37 @@ def held_from(begin: float) -> Change:
     return change
 
 
+def dead_band(width: float) -> Change:
+    """A channel that shows its median within a band of this width about it."""
+
+    def change(v: np.ndarray, over: np.ndarray, step: float) -> np.ndarray:
+        middle = float(np.nanmedian(v))
+        return np.where(np.abs(v - middle) < 0.5 * width, middle, v)
+
+    return change
+
+
+def one_sided(above: float) -> Change:
+    """Another gain above its median: -1 folds it, 1.6 is a bridge of two unlike halves."""
+
+    def change(v: np.ndarray, over: np.ndarray, step: float) -> np.ndarray:
+        middle = float(np.nanmedian(v))
+        return np.where(v > middle, middle + above * (v - middle), v)
+
+    return change
+
+
+def jittered(seconds: float) -> Change:
+    """Each sample from a time of its own, up to so much off; the same errors every time."""
+
+    def change(v: np.ndarray, over: np.ndarray, step: float) -> np.ndarray:
+        n = np.arange(len(v))
+        late = np.random.default_rng(41).integers(-1, 2, len(v)) * round(seconds / step)
+        return v[np.clip(n + late, 0, len(v) - 1)]
+
+    return change
+
+
 def fast_clock(share: float) -> Change:
     """A clock that gains: the record is read ever further ahead."""
 
@@ -288,6 +319,8 @@ SURFACES: dict[str, Corruption] = {
     "rudder held from .5 on": surface("yaw", held_from(0.5)),
     "rudder clipped": surface("yaw", clipped(0.4)),
     "rudder .3 s late": surface("yaw", delayed(0.3)),
+    "elevator with a dead band of 3 deg": surface("pitch", dead_band(3.0 * DEGREE)),
+    "aileron's samples .3 s off": surface("roll", jittered(0.3)),
 }
 #: Kinds of sensors and recorders.
 SENSORS: dict[str, Corruption] = {
@@ -348,6 +381,10 @@ SENSORS: dict[str, Corruption] = {
     "beta's every 20th sample off": sensor(("beta",), spiked(20, 3.0)),
     "alpha and theta swapped from .4 on": exchanged("alpha", "theta", BEGIN),
     "q and r swapped from .4 on": exchanged("q", "r", BEGIN),
+    "alpha folded": sensor(("alpha",), one_sided(-1.0)),
+    "p x 1.6 to one side": sensor(("p",), one_sided(1.6)),
+    "airspeed and qbar filtered 3 s": sensor(AIR, filtered(3.0)),
+    "r off by 6 deg/s from .4 to .6": sensor(("r",), between(lambda v, over, step: v + 0.105)),
 }
 
 
@@ -359,6 +396,7 @@ def is_named(right: Pair, wrong: Pair, sentence: str) -> bool:
     if 2 * len(names) > len(before):
         names = ["the record"]
     names += [name.removesuffix("_imu") for name in names]
+    names += [name.removesuffix("_left").removesuffix("_right") for name in names]
     names += ["airspeed"] if set(AIR) & set(names) else []
     names += ["angle of attack"] if "alpha" in names else []
     return any(re.search(rf"\b{name}\b", sentence) for name in names)

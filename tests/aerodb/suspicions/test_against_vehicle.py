@@ -18,6 +18,7 @@ from aerodb.suspicions.lift import helmbold, lift_suspicions
 from aerodb.suspicions.masses import mass_suspicions
 from aerodb.suspicions.surfaces import size_suspicions
 from aerodb.vehicle import Vehicle, parse_vehicle
+from tests.support import effect_flights
 
 RHO, V, MASS, AREA, CHORD, SPAN = 1.112, 40.0, 600.0, 12.0, 1.25, 9.6
 QBAR, STEP = 0.5 * RHO * V**2, 0.02
@@ -428,3 +429,11 @@ def test_channels_full_of_rubbish_end_no_check(flight: Flight, value: float) -> 
     for name in ("mass", "Ixx", "Iyy", "Izz", "Ixz"):
         with np.errstate(all="ignore"):
             against_vehicle(changed(flight, **{name: np.full_like(flight.time, value)}), vehicle())
+
+
+@pytest.mark.parametrize("number", [9, 16, 34, 66, 71])
+def test_a_surface_is_not_late_where_downwash_lags(number: int) -> None:
+    """Flow angles and surfaces that move apart for 16 s, and a pitching moment of alphadot."""
+    of = effect_flights.vehicle()
+    right = effect_flights.flown(number, effect_flights.database())
+    assert not against_vehicle(right, of)

@@ -11,11 +11,12 @@ import pytest
 
 from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.total import total_coefficients
+from aerodb.flight import Flight
 from aerodb.signals import played
 from aerodb.suspicions import limits_flight
 from aerodb.suspicions.faults_in_time import faults_in_time
 from aerodb.suspicions.mass_events import mass_event_suspicions
-from aerodb.vehicle import add_combinations
+from aerodb.vehicle import add_combinations, parse_vehicle
 from tests.campaigns.corrupted import measured as measured_pairs
 from tests.campaigns.corrupted import noticed_beside
 from tests.campaigns.corruptions import Pair, of_role
@@ -238,7 +239,13 @@ def test_what_one_axis_cannot_tell_apart_is_named_together(
     )
     force = {"CZ": compared.measured["CZ"]}
     (said,) = faults_in_time(
-        wrong, {"CZ": {"alpha": -4.32785}}, force, compared.predicted, compared.usable
+        wrong,
+        record.vehicle,
+        {"CZ": {"alpha": -4.32785}},
+        force,
+        compared.predicted,
+        compared.usable,
+        alone=True,
     )
     assert "alpha" in said.sentence
     assert "az" in said.sentence
@@ -251,6 +258,33 @@ def test_a_side_force_that_turns_its_sign(flight: Pair) -> None:
     (said,) = noticed_beside(replace(flight, flight=made))
     assert (said.channel, said.kind) == ("ay", "changed")
     assert said.evidence["change"] == pytest.approx(-2.0, abs=0.4)
+
+
+def test_an_accelerometer_far_from_the_cg_that_turns_its_sign(flight: Pair) -> None:
+    """It reads more of the turning than of the side force."""
+    far = parse_vehicle(effect_flights.VEHICLE.replace("imu = [-1.4,", "imu = [4.0,"))
+    shown, own = effect_flights.logged(flight.flight, far), flight.flight
+    there = {n: v for n, v in own.channels.items() if n not in ("ax", "ay", "az")}
+    imu = {name: shown[name] for name in ("ax_imu", "ay_imu", "az_imu")}
+    right = Flight(own.id, far.name, own.time, {**there, **imu})
+    assert not noticed_beside(replace(flight, flight=right, vehicle=far))
+    turned = np.where(own.time > 8.0, -imu["ay_imu"], imu["ay_imu"])
+    wrong = right.with_channels({"ay_imu": turned})
+    (said,) = noticed_beside(replace(flight, flight=wrong, vehicle=far))
+    assert (said.channel, said.kind) == ("ay", "changed")
+    assert -2.1 < said.evidence["change"] < -1.0  # products of rates are no motion of the basis
+
+
+def test_a_gain_that_grows_is_told_where_noise_is_most_of_what_is_left(flight: Pair) -> None:
+    """No time is sought: none of 700 flights without a fault has one that is likeliest."""
+    rng = np.random.default_rng(5)
+    noise = 4.0 * NOISE * rng.standard_normal(len(flight.flight.time))
+    noisy = flight.flight.with_channels({"q": flight.flight["q"] + noise})
+    right = replace(flight, flight=noisy)
+    assert not noticed_beside(right)
+    (said,) = noticed_beside(changed(right, "pitch", lambda d, share: d * (1.0 + share)))
+    assert (said.channel, said.kind) == ("delta_elevator", "changed")
+    assert "over the whole flight" in said.sentence
 
 
 def test_a_surface_that_stands_while_nothing_happens_is_none(flight: Pair) -> None:
