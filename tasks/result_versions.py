@@ -14,8 +14,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 18,
     "import": 2,
     "fly": 6,
-    "estimate": 19,
-    "update": 26,
+    "estimate": 20,
+    "update": 27,
     "gram": 21,
     "close_loop": 64,
 }

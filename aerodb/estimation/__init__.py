@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     )
     from .fit import AxisError, Fit, ParameterEstimate, Standing
     from .independence import InputCorrelation, dependent, input_correlations
-    from .input_noise import deflection_noise, told_without_noise, with_noise_once_more
+    from .input_noise import deflection_noise, noise_alone, told_without_noise, with_noise_once_more
     from .linear_models import (
         FROM_SUBSPACE,
         MOST_DELAY,

@@ -63,6 +63,14 @@ def with_noise_once_more(
     return {**channels, **above}, {**channels, **below}
 
 
+def noise_alone(product: Array, more: Array) -> Array:
+    """Return which of k unknowns noise of the deflections moves and little else: (k,) of bool.
+
+    product, more : diagonal (k,) of the normal matrix, and what the noise once more adds to it.
+    """
+    return np.asarray(more > (1.0 - _RELIABLE) * product)
+
+
 def told_without_noise(directions: Array, more: Array) -> Array:
     """Return what the deflections tell without their noise, as a share (j, j) of what they tell.
 

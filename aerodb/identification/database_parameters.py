@@ -30,6 +30,7 @@ from aerodb.increments import (
     ParameterSamples,
     between_bounds,
     check_parameters_of,
+    moved_by_noise_alone,
     parameter_samples,
     start_of_search,
     tells_nothing,
@@ -45,6 +46,11 @@ _SETTLED: Final = 0.05
 _MOST: Final = 8
 #: Correlation with another estimate that is named as what takes a parameter's place.
 _TAKES_PLACE: Final = 0.5
+
+_ONLY_NOISE: Final[tuple[Standing, str]] = (
+    "not excited",
+    "most of what moves it is noise of the logged deflections; fly what it acts on or leave it out",
+)
 
 
 def unknown(name: str, database: AeroDatabase) -> Parameter:
@@ -105,13 +111,14 @@ def _told(
     """The fit, in which what the flights tell less of than the bounds has no value."""
     check_parameters_of(names, database)
     fit = _settled(function, flights, names, database, own_constants, {})
-    untold = _untold(fit, database)
+    untold, noisy = _untold(fit, database), _noisy(fit, flights, database, own_constants)
+    untold |= {name: error for name, error in noisy.items() if name not in untold}
     if not untold:
         return fit
     known = {name: (database.parameters[name], between_bounds(database, name)) for name in untold}
     again = _settled(function, flights, names, database, own_constants, known)
     equation, _ = _equation(flights, names, database, database, own_constants)
-    reasons = _reasons(fit, untold, equation, database)
+    reasons = _reasons(fit, untold, equation, database) | dict.fromkeys(noisy, _ONLY_NOISE)
     return replace(
         again,
         estimates=tuple(
@@ -135,6 +142,29 @@ def _untold(fit: Fit, database: AeroDatabase) -> dict[str, float]:
         if each.name in database.parameters
         and each.standing in ("estimated", "at bound")
         and tells_nothing(database, each.name, each.standard_error)
+    }
+
+
+def _noisy(
+    fit: Fit,
+    flights: Sequence[IdentificationFlight],
+    database: AeroDatabase,
+    own_constants: bool,
+) -> dict[str, float]:
+    """Parameter of the database -> its standard error, where an estimate is at a bound or no larger
+    than its interval, and the flights move the parameter by noise of deflections alone."""
+    errors = {
+        each.name: each.standard_error
+        for each in fit.estimates
+        if each.name in database.parameters
+        and (
+            each.standing == "at bound"
+            or (each.standing == "estimated" and 2.0 * each.standard_error > abs(each.value))
+        )
+    }
+    comparisons = [flight.comparison for flight in flights]
+    return {
+        n: errors[n] for n in moved_by_noise_alone(comparisons, [*errors], database, own_constants)
     }
 
 

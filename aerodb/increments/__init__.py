@@ -70,6 +70,7 @@ if TYPE_CHECKING:
         ParameterSamples,
         between_bounds,
         check_parameters_of,
+        moved_by_noise_alone,
         parameter_samples,
         start_of_search,
         tells_nothing,

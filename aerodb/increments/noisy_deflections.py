@@ -82,7 +82,7 @@ def _correction(
 ) -> tuple[Array, Array] | None:
     """The matrix (k, k) by which errors grow, and the change (k,) of the estimates, in their units;
     None without noise. Raises ValueError where noise is most of what moves the deflections."""
-    noisy = [_with_noise(comparison) for comparison in comparisons]
+    noisy = [with_noise(comparison) for comparison in comparisons]
     if all(each is None for each in noisy):
         return None
     sides = [
@@ -101,8 +101,9 @@ def _correction(
     return inverse @ product, inverse @ (score - score_noisier)
 
 
-def _with_noise(comparison: Comparison) -> tuple[Comparison, Comparison] | None:
-    """The comparison with the noise of its deflections once more, with both signs."""
+def with_noise(comparison: Comparison) -> tuple[Comparison, Comparison] | None:
+    """Return the comparison with the noise of its deflections once more, with both signs; None
+    where they have none."""
     side = comparison.database_side
     if side is None:
         return None

@@ -15,10 +15,16 @@ import numpy as np
 
 from aerodb.coefficients import Comparison
 from aerodb.errors import InputError, nearest
-from aerodb.estimation import Regression, least_squares, shared_coloured_sum, within_bounds
+from aerodb.estimation import (
+    Regression,
+    least_squares,
+    noise_alone,
+    shared_coloured_sum,
+    within_bounds,
+)
 from aerodb.increments.considered import ConsiderParameter, consider_covariance
 from aerodb.increments.constraints import alias_groups, constrained_fit, correlation_of
-from aerodb.increments.noisy_deflections import without_deflection_noise
+from aerodb.increments.noisy_deflections import with_noise, without_deflection_noise
 from aerodb.increments.samples import as_compared
 from aerodb.nomenclature import in_order
 from aerodb.signals import rms
@@ -114,6 +120,12 @@ def estimate_parameters(
         if np.all(moved <= _SETTLED * sigma):
             settled = True
             break
+    unsure = [
+        name
+        for name, error in zip(names, sigma, strict=True)
+        if name in constrained.at_bound or 2.0 * error > abs(values[name])
+    ]
+    _check_no_noise(comparisons, unsure, about, own_constants)
     sizes = {each.axis: each.size for each in samples}
     fit, noise = _without_deflection_noise(fit, comparisons, about, sizes, own_constants)
     constrained = constrained_fit(fit, priors, bounds)
@@ -138,6 +150,54 @@ def estimate_parameters(
             ),
         ),
     )
+
+
+def moved_by_noise_alone(
+    comparisons: Sequence[Comparison],
+    names: Sequence[str],
+    database: AeroDatabase,
+    own_constants: bool = True,
+) -> list[str]:
+    """Return the parameters that act in these flights by noise of the deflections and little else.
+
+    comparisons : at the full rate. Raises InputError as `parameter_samples` does.
+    """
+    noisy = [with_noise(comparison) for comparison in comparisons]
+    if not names or all(each is None for each in noisy):
+        return []
+
+    def told(those: Sequence[Comparison]) -> Array:
+        parts = [
+            np.square(each.over(each.good)[0] * each.size / sizes.setdefault(each.axis, each.size))
+            for each in parameter_samples(those, names, database, own_constants)
+        ]
+        return np.sum([part.sum(axis=0) for part in parts], axis=0)
+
+    sizes: dict[str, float] = {}
+    product = told(comparisons)
+    sides = [
+        told(
+            [c if both is None else both[side] for c, both in zip(comparisons, noisy, strict=True)]
+        )
+        for side in (0, 1)
+    ]
+    found = noise_alone(product, 0.5 * (sides[0] + sides[1]) - product)
+    return [name for name, each in zip(names, found, strict=True) if each]
+
+
+def _check_no_noise(
+    comparisons: Sequence[Comparison],
+    names: Sequence[str],
+    database: AeroDatabase,
+    own_constants: bool,
+) -> None:
+    """Raise InputError naming parameters that noise of the deflections moves and little else."""
+    if alone := moved_by_noise_alone(comparisons, names, database, own_constants):
+        raise InputError(
+            f"most of what moves {' and '.join(alone)} in these flights is noise of deflections",
+            "estimate",
+            "fly what they act on, or leave them out",
+        )
 
 
 def between_bounds(database: AeroDatabase, name: str) -> float:

@@ -364,7 +364,8 @@ def _known_to(
     errors = document["standard_errors"] or {}
     known = {**document["channels"], **document["inputs"]}
     told = [
-        f"{name} {plus_minus(known[name], errors[name], 3, session.units.scale(unit)[0])} {label}"
+        f"{name} {plus_minus(known[name], errors[name], 3, session.units.scale(unit)[0])}"
+        f"{'' if label == '-' else f' {label}'}"
         for name, unit in [("alpha", "rad"), *((n, unit_of(n)) for n in document["inputs"])]
         if errors.get(name)
         for label in [session.units.scale(unit)[1]]

@@ -7,13 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
+from aerodb.coefficients import compare
 from aerodb.errors import InputError
 from aerodb.estimation import output_error, regression
 from aerodb.identification import METHODS, IdentificationFlight, fits_of, flight_dynamics
 from aerodb.identification.candidate import update_by
 from aerodb.identification.database_parameters import fit_parameters, unknown
 from aerodb.identification.equations import usable_runs
-from aerodb.increments import parameter_samples, parse_model_file
+from aerodb.increments import estimate_increments, parameter_samples, parse_model_file
 from aerodb.simulation import flight_model
 from aerodb.tables import (
     AeroDatabase,
@@ -55,6 +56,29 @@ def test_all_parameters_at_once(method: str) -> None:
         if name in WRONG:
             assert fit[name].value == pytest.approx(value, rel=0.02), name
             assert abs(fit[name].value - value) < 4.0 * fit[name].standard_error, name
+
+
+def test_what_only_noise_of_a_deflection_moves_has_no_value() -> None:
+    """The log of the elevator holds noise alone; by regression its effectiveness ended on a bound."""
+    database, noise = build_up(WRONG), np.random.default_rng(1)
+    model = parse_model_file('parameters = ["wing_CLa", "tail_tau"]')
+    source, flown = flights(range(60, 63), build_up()), []
+    for flight, coefficients in source.flown.values():
+        still = 0.01 + 5e-4 * noise.standard_normal(len(flight.time))
+        flight = flight.with_channels({"delta_elevator": still})
+        beside = compare(flight, coefficients, database, source.vehicle.reference)
+        flown.append(IdentificationFlight(flight, beside, coefficients, source.vehicle, ()))
+    (fit,) = fits_of(METHODS["regression"], flown, model, database)
+    assert fit["tail_tau"].standing == "not excited"
+    assert "is noise of the logged deflections" in fit["tail_tau"].reason
+    assert np.isnan(fit["tail_tau"].value)
+    assert fit["wing_CLa"].standing == "estimated"
+    (whole,) = fits_of(METHODS["regression"], given(database, range(60, 63)), model, database)
+    assert whole["tail_tau"].standing == "estimated"
+    with pytest.raises(InputError, match="most of what moves tail_tau in these flights is noise"):
+        estimate_increments(
+            [each.flight for each in flown], [each.comparison for each in flown], model, database
+        )
 
 
 def test_errors_that_weigh_axes_are_found_before_the_search() -> None:

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from aerodb.coefficients import compare
+from aerodb.errors import InputError
 from aerodb.estimation import coloured_sum, deflection_noise, input_noise, shared_coloured_sum
 from aerodb.increments import DeclaredIncrement, ModelFile, estimate_increments
 from aerodb.increments.parameters import estimate_parameters
@@ -90,7 +91,10 @@ def test_deflections_that_are_mostly_noise_are_said() -> None:
     noise = np.random.default_rng(3).standard_normal(len(flight.time)) * 2.0
     flight = flight.with_channels({"delta_elevator": flight["delta_elevator"].std() * noise})
     beside = compare(flight, made, database, source.vehicle.reference)
-    said = estimate_parameters([beside], ["tail_tau"], database, {}).reservations
+    with pytest.raises(InputError, match="moves tail_tau in these flights is noise of deflections"):
+        estimate_parameters([beside], ["tail_tau"], database, {})
+    model = ModelFile(increment=(DeclaredIncrement(axis="Cm", terms=("delta_elevator",)),))
+    said = estimate_increments([flight], [beside], model, database).reservations
     assert any("noise of the deflections is most of what moves them" in each for each in said)
 
 
