@@ -75,12 +75,14 @@ def _say_gate(
     from aerodb.report import count_passed, derivative_words, gate_rows, in_words
 
     now, rows = document["released"], gate_rows(document["checks"])
+    told = derivative_words(document["derivatives"])
+    changes = "; ".join(told) if verbose else _fitting(told, session.people.width - _MARGIN)
     open_points = [in_words(note) for note in document["notes"]]
     which = f"{document['vehicle']}: {document['label']}"
     if now is not None and now["version"] == document["version"]:
         session.headlines(
             f"{which} is released, since {now['since'][:10]} by {now['user']}",
-            [("changes", _fitting(session, derivative_words(document["derivatives"])))],
+            [("changes", changes)],
             f"aerodb version show {document['label']} --vehicle {document['vehicle']}",
         )
         return
@@ -90,7 +92,7 @@ def _say_gate(
     session.headlines(
         f"{which} {'can be released' if document['passed'] else 'would be refused'} ({today})",
         [
-            ("changes", _fitting(session, derivative_words(document["derivatives"]))),
+            ("changes", changes),
             *(("proved", text) for text in proved),
             ("gate", count_passed(document["checks"])),
         ],
@@ -115,15 +117,21 @@ def _fitted(session: Session, points: Sequence[str], more: str) -> str:
     return session.fitting(points[0], _MARGIN + len(more)) + more if points else ""
 
 
-def _fitting(session: Session, changes: list[str]) -> str:
-    """Return as many changes as fit a line, and at least one."""
-    line = ""
-    for change in changes:
-        longer = f"{line}; {change}" if line else change
-        if line and len(longer) > session.people.width - _MARGIN:
-            break
-        line = longer
-    return line
+def _fitting(changes: Sequence[str], room: int) -> str:
+    """Return as many changes as fit a line of `room` characters, at least one, and how many more
+    there are.
+
+    >>> _fitting(["CX -16 %", "CZ +9 %", "Cm with q +3 %"], 30)
+    'CX -16 %; CZ +9 %; 1 more: -v'
+    >>> _fitting(["CX -16 %", "CZ +9 %", "Cm +3 %"], 10)
+    'CX -16 %; 2 more: -v'
+    """
+    for count in range(len(changes), 0, -1):
+        left = len(changes) - count
+        line = "; ".join(changes[:count]) + (f"; {left} more: -v" if left else "")
+        if count == 1 or len(line) <= room:
+            return line
+    return ""
 
 
 def _after_the_gate(document: dict[str, Any], made: str) -> str:
