@@ -38,8 +38,8 @@ EXPLAINED_ZERO: Final = 0.15
 #: The same of one that is likelier than every other fault: none of 700 flights without a fault has
 #: one beyond chance.
 EXPLAINED_LIKELIEST: Final = 0.05
-#: The same of a delay, on all axes on which it is seen. A wing that bends makes .22 look like one on
-#: one axis; none of 700 flights without a fault has one on two.
+#: The same of a delay, on all axes on which it is seen. A wing that bends makes .22 look like one
+#: on one axis; none of 700 flights without a fault has one on two.
 EXPLAINED_DELAY: Final = 0.3
 #: The same of a play: gusts make .26 look like one.
 EXPLAINED_PLAY: Final = 0.35
