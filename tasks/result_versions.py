@@ -13,11 +13,11 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "coefficients": 5,
     "compare": 18,
     "import": 2,
-    "fly": 6,
-    "estimate": 20,
-    "update": 27,
+    "fly": 7,
+    "estimate": 21,
+    "update": 28,
     "gram": 21,
-    "close_loop": 64,
+    "close_loop": 65,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -80,6 +80,7 @@ if TYPE_CHECKING:
         database_content_sha256,
         database_document_sha256,
         from_document,
+        joined,
         read_native,
         to_document,
     )

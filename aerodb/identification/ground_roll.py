@@ -40,6 +40,8 @@ _LONGEST_STEP: Final = 0.02
 #: leaves its straight slope within a degree or two, so from further away than one step a search
 #: ends where tyres hardly hold.
 _CROSSWINDS: Final = np.linspace(-20.0, 20.0, 41)
+#: Multiples of a parameter of the legs from which a search may begin: a tenth apart, up to 2.6.
+_MULTIPLES: Final = 1.1 ** np.arange(-10, 11)
 
 
 def ground_parameters(names: Sequence[str], database: AeroDatabase) -> bool:
@@ -162,13 +164,13 @@ class GroundRoll:
 def fitted_roll(
     function: Callable[..., Fit], model: GroundRoll, records: Sequence[TimeHistory]
 ) -> Fit:
-    """Return the fit of a method that flies: first of wind and start alone, at the database's own
-    parameters and from the crosswind that explains each roll best, then of all.
+    """Return the fit of a method that flies: first of wind and start alone, at the multiple of each
+    of the database's parameters and from the crosswind that explain the rolls best, then of all.
 
     From a wind of zero, parameters would first take what the wind does. SI units.
     """
     own = [name for name in model.flight.parameters if name in model.parameters.names]
-    begun = _in_crosswinds(model, records)
+    begun = _in_crosswinds(_near_friction(model, records), records)
     held = tuple(
         replace(item, free=False) if item.name in own else item for item in begun.parameters.items
     )
@@ -180,6 +182,34 @@ def fitted_roll(
     return function(replace(begun, parameters=begun.parameters.changed(known)), records)
 
 
+def _near_friction(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundRoll:
+    """The model with each free parameter of the legs at the multiple of its value that explains the
+    rolls best, all else as it was measured.
+
+    With too much friction a run stands still long before the roll does. From there a search ends
+    where speed and start make up for it.
+    """
+    own = [name for name in model.flight.parameters if name in model.parameters.names]
+    for name in [name for name in own if model.parameters[name].free] * 2:
+        item = model.parameters[name]
+        tried = np.clip(item.value * _MULTIPLES, item.lower, item.upper)
+        misfit = sum(_misfit(model, record, {name: tried}) for record in records)
+        best = float(tried[int(np.argmin(misfit))])
+        model = replace(model, parameters=model.parameters.changed({name: best}))
+    return model
+
+
+def _misfit(model: GroundRoll, record: TimeHistory, changed: Values) -> Array:
+    """Sum (k,) of the logarithms of a roll's squared errors of each output, where some of the
+    parameters have k values in place of their own."""
+    values = {item.name: np.array([item.value]) for item in model.parameters.items}
+    measured = np.stack([record.outputs[name] for name in model.outputs], axis=1)
+    left = measured[:, :, None] - model.simulated({**values, **changed}, record)
+    wrong = np.where(np.isfinite(measured)[:, :, None], left**2, 0.0).sum(axis=0)
+    sizes = np.nan_to_num(wrong, nan=np.inf)[np.isfinite(measured).any(axis=0)]
+    return np.asarray(np.log(sizes).sum(axis=0))
+
+
 def _in_crosswinds(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundRoll:
     """The model with each unknown wind at the crosswind that explains its roll best, all else as
     it was measured."""
@@ -188,13 +218,8 @@ def _in_crosswinds(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundR
         north, east = (f"wind_{way}[{record.name}]" for way in ("north", "east"))
         if not (model.parameters[north].free and model.parameters[east].free):
             continue
-        values = {item.name: np.array([item.value]) for item in model.parameters.items}
-        psi = values[f"initial_psi[{record.name}]"][0]
+        psi = model.parameters[f"initial_psi[{record.name}]"].value
         blown = {north: -np.sin(psi) * _CROSSWINDS, east: np.cos(psi) * _CROSSWINDS}
-        measured = np.stack([record.outputs[name] for name in model.outputs], axis=1)
-        left = measured[:, :, None] - model.simulated({**values, **blown}, record)
-        wrong = np.where(np.isfinite(measured)[:, :, None], left**2, 0.0).sum(axis=0)
-        sizes = np.nan_to_num(wrong, nan=np.inf)[np.isfinite(measured).any(axis=0)]
-        best = int(np.argmin(np.log(sizes).sum(axis=0)))
+        best = int(np.argmin(_misfit(model, record, blown)))
         found |= {name: float(values[best]) for name, values in blown.items()}
     return replace(model, parameters=model.parameters.changed(found))

@@ -154,7 +154,8 @@ def flown_to_stop(
     )
     taken = {name: np.array([value]) for name, value in {**error.found, **values}.items()}
     run = roll_model(rolls, [*values], database).flown(taken, longer)
-    stands = standstill(run, database)
+    cg = [float(record.inputs[f"cg_{axis}"].mean()) for axis in "xyz"]
+    stands = standstill(run, database, cg)
     return None if stands is None else Stop(stands.time - float(record.time[0]), stands.distance)
 
 

@@ -1,8 +1,9 @@
 """Leg: a wheel of the landing gear on a level runway, with spring, damping, rolling and side force.
 
-With the height h above ground and the attitude (bank phi, pitch theta), the contact point r (from
-the moment reference, the leg unloaded) is below the ground by the compression c. In level axes that
-have the aircraft's heading, the wheel moves at (u, v) over the ground along and across itself, and
+With the height h of the centre of gravity above ground and the attitude (bank phi, pitch theta),
+the contact point r (from the centre of gravity, the leg unloaded) is below the ground by the
+compression c. In level axes that have the aircraft's heading, the wheel moves at (u, v) over the
+ground along and across itself, and
 
     c = r_down - h,         N = max(k c + d dc/dt, 0) where c > 0,
     F_x = -mu_x N tanh(u/u_0),      F_y = -mu_y N,      tau = atan2(v, max(|u|, v_0)),
@@ -116,11 +117,12 @@ def write(entry: Leg, writer: Writer, reference_point: Array, discs: Discs) -> N
     """
     del discs
     frame = Frame(np.array(entry.position) - reference_point, np.eye(3))
-    turning = [frame.rotation(k) for k in range(3)]
+    arm = [_from_cg(at, axis) for at, axis in zip(entry.position, "xyz", strict=True)]
+    turning = [_crossed(arm, k) for k in range(3)]
     forward, right, down = (
         plus(speed, _product(row, turning)) for speed, row in zip(_OVER_GROUND, _LEVEL, strict=True)
     )
-    below = combination(frame.arm.tolist(), _LEVEL[2])
+    below = _product(_LEVEL[2], arm)
     height = Name("height_above_ground")
     compression = writer.define("compression", Operation("-", below, height))
     closing = writer.define("closing", down)
@@ -178,15 +180,28 @@ def _tyre(
 
 
 def contact_points(database: AeroDatabase) -> Array:
-    """Return (k, 3) [m], body axes from the moment reference: where the legs of a database touch
-    the ground unloaded."""
+    """Return (k, 3) [m], body axes from the vehicle's datum: where the legs of a database touch the
+    ground unloaded."""
     points = []
     for name, part in database.parts.items():
         if part.get("kind") == "leg":
             entry = validated(Leg, part, f"[parts.{name}]")
             x, y, z = entry.position
             points += [(x, y, z), (x, -y, z)] if entry.mirror else [(x, y, z)]
-    return np.array(points).reshape(-1, 3) - np.array(database.reference.moment_reference)
+    return np.array(points).reshape(-1, 3)
+
+
+def _from_cg(position: float, axis: str) -> Expression:
+    """A coordinate [m] from the centre of gravity, of one from the vehicle's datum."""
+    own = Name(f"cg_{axis}")
+    return Operation("-", number(position), own) if position else Negation(own)
+
+
+def _crossed(arm: Sequence[Expression], k: int) -> Expression:
+    """Component `k` of ``(p, q, r) x arm``."""
+    rates = [Name(rate) for rate in "pqr"]
+    i, j = (k + 1) % 3, (k + 2) % 3
+    return Operation("-", times(rates[i], arm[j]), times(rates[j], arm[i]))
 
 
 def _product(row: Sequence[Expression], values: Sequence[Expression]) -> Expression:

@@ -1,5 +1,6 @@
 """On the ground: where legs begin to carry, and the standstill that ends a run."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -31,8 +32,9 @@ class Standstill:
     samples: int
 
 
-def carrying_height(database: AeroDatabase) -> float:
-    """Return a height [m] of the moment reference above ground at which all legs touch it, level.
+def carrying_height(database: AeroDatabase, cg_z: float = 0.0) -> float:
+    """Return a height [m] of the centre of gravity (`cg_z` [m] below the vehicle's datum) above
+    ground at which all legs touch it, level.
 
     Raises InputError for a database without legs.
     """
@@ -43,7 +45,7 @@ def carrying_height(database: AeroDatabase) -> float:
             f"database {database.name}",
             'a start on the ground needs parts of kind "leg"',
         )
-    return float(points[:, 2].min())
+    return float(points[:, 2].min()) - cg_z
 
 
 def vertical(rates: Array, phi: Array, theta: Array) -> Array:
@@ -54,14 +56,18 @@ def vertical(rates: Array, phi: Array, theta: Array) -> Array:
     return np.asarray(level * np.cos(theta) - u * np.sin(theta))
 
 
-def standstill(run: Simulation, database: AeroDatabase) -> Standstill | None:
+def standstill(
+    run: Simulation, database: AeroDatabase, cg: Sequence[float] = (0.0, 0.0, 0.0)
+) -> Standstill | None:
     """Return when the first of several runs stands still on its legs, after it was moving; None
     where it does not.
+
+    cg : (3,) centre of gravity [m] from the vehicle's datum.
 
     Its forward speed over the ground falls to `STANDING`, within which friction fades. So the end
     is that of the deceleration just before (`_WHOLE`), held until the speed is zero.
     """
-    points = contact_points(database)
+    points = contact_points(database) - np.asarray(cg)
     if not len(points):
         return None
     phi, theta, psi, height, north, east, x, y = (

@@ -191,16 +191,18 @@ def _loads(model: Numbers, h: Array, k: int, slots: Array, chan: Array, work: Ar
     scale = (
         model.reference.pressure if model.reference.pressure > 0.0 else chan[CHAN.qbar, k]
     ) * area
-    fx, fy, fz = (
-        scale * slots[model.totals[TOTAL.CX], k],
-        scale * slots[model.totals[TOTAL.CY], k],
-        scale * slots[model.totals[TOTAL.CZ], k],
-    )
-    mx, my, mz = (
-        scale * span * slots[model.totals[TOTAL.Cl], k],
-        scale * chord * slots[model.totals[TOTAL.Cm], k],
-        scale * span * slots[model.totals[TOTAL.Cn], k],
-    )
+    fx = fy = fz = mx = my = mz = 0.0
+    if scale > 0.0:  # still air has no loads, whatever an expression divides by
+        fx, fy, fz = (
+            scale * slots[model.totals[TOTAL.CX], k],
+            scale * slots[model.totals[TOTAL.CY], k],
+            scale * slots[model.totals[TOTAL.CZ], k],
+        )
+        mx, my, mz = (
+            scale * span * slots[model.totals[TOTAL.Cl], k],
+            scale * chord * slots[model.totals[TOTAL.Cm], k],
+            scale * span * slots[model.totals[TOTAL.Cn], k],
+        )
     if model.loads.shape[0] > 0:
         fx, fy, fz = (
             fx + slots[model.loads[TOTAL.CX], k],

@@ -14,11 +14,11 @@ from aerodb.parts import contact_points
 from aerodb.physics import quaternion_from_euler, standard_atmosphere, to_earth
 from aerodb.signals import low_passed
 from aerodb.simulation.condition import Condition
-from aerodb.simulation.engine import FlightModel, Simulation, simulate
+from aerodb.simulation.engine import FlightModel, Simulation, flight_model, simulate
 from aerodb.simulation.flown_vehicle import MASS_PROPERTIES
 from aerodb.simulation.layout import FEEDBACK
 from aerodb.simulation.trim import trim
-from aerodb.support import Array
+from aerodb.support import Array, Mask
 from aerodb.tables import height_outside_ground_effect
 from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
 
@@ -94,15 +94,18 @@ def stretch_of(
         raise InputError("fewer than three samples", where, "name a longer stretch")
     whole = slice(int(inside[0]), int(inside[-1]) + 1)
     time, notes = flight.time[whole], list[str]()
+    on_legs = (
+        flight.usable()[whole] & ~logged.usable()[whole] if legs else np.zeros(len(time), bool)
+    )
     known = {
-        name: bridged(flight, name, whole, where)
+        # Vanes of a vehicle that stands tell nothing, and nothing depends on them.
+        name: bridged(flight, name, whole, where, on_legs if name in ("alpha", "beta") else None)
         for name in dict.fromkeys((*NEEDED, *MASS_PROPERTIES, *model.inputs))
     }
     altitude = _optional(flight, "altitude", whole, notes)
     series = {name: known[name] for name in (*MASS_PROPERTIES, *model.inputs)}
     series["Ixy"] = series["Iyz"] = np.zeros(len(time))
     _ground(series, model, flight, altitude, whole, where, notes)
-    rolls = legs and bool(flight.usable()[whole.start] and not logged.usable()[whole.start])
     air = standard_atmosphere(altitude)
     if "rho" in flight:
         series["density_ratio"] = bridged(flight, "rho", whole, where) / air.density
@@ -124,7 +127,7 @@ def stretch_of(
     _wind(series, flight, known, psi, whole, cut if wind == "measured" else None, notes)
     start = {name: float(known[name][0]) for name in NEEDED}
     start |= {"psi": float(psi[0]), "altitude": float(altitude[0])}
-    if rolls:
+    if on_legs[0]:
         start |= _on_its_legs(model, start["V"], series)
     start |= {state.name: float(flight[state.name][whole][0]) for state in model.total.states}
     references = {FEEDBACK[int(channel)] for channel in model.numbers.gains[:, 1]}
@@ -136,12 +139,15 @@ def fly_stretch(
     model: FlightModel, stretch: FlightStretch, parameters: Mapping[str, Array] | None = None
 ) -> Simulation:
     """Fly a stretch open loop, or with the model's feedback; see `simulate`, whose arrays are (n,
-    k) in SI units."""
+    k) in SI units. Headings go on over north, beside those of the flight."""
     step = float(stretch.time[1] - stretch.time[0])
     parts = max(1, int(np.ceil(step / 0.02 - 1e-9)))
-    return simulate(
+    run = simulate(
         model, stretch.time, stretch.start, stretch.series, parts=parts, parameters=parameters
     )
+    turned = np.unwrap(run.channels["psi"], axis=0)
+    turns = np.round((stretch.start["psi"] - turned[0]) / (2.0 * np.pi))
+    return replace(run, channels={**run.channels, "psi": turned + 2.0 * np.pi * turns})
 
 
 @dataclass(frozen=True)
@@ -228,15 +234,22 @@ def _require(flight: Flight, names: tuple[str, ...], where: str) -> None:
         )
 
 
-def bridged(flight: Flight, name: str, whole: slice, where: str) -> Array:
-    """A channel over the stretch without gaps."""
+def bridged(
+    flight: Flight, name: str, whole: slice, where: str, without: Mask | None = None
+) -> Array:
+    """Return a channel over the stretch (n,), in its unit, without gaps.
+
+    without : (n,) where it may be without a value, however long. Raises InputError for a gap of
+    more than 1 s.
+    """
     values, good = flight[name][whole], flight.usable([name])[whole]
     if good.all():
         return values
     if not good.any():
         raise InputError(f"no usable sample of {name}", where, "choose another stretch")
     at = np.flatnonzero(good)
-    gap = float(np.diff([-1, *at, len(good)]).max() - 1) * flight.step
+    told = np.flatnonzero(good if without is None else good | without)
+    gap = float(np.diff([-1, *told, len(good)]).max() - 1) * flight.step
     if gap > _LONGEST_GAP:
         raise InputError(
             f"{name} has a gap of {gap:.1f} s, longer than {_LONGEST_GAP:g} s",
@@ -270,6 +283,9 @@ def _responses(
         for name in (*NEEDED, "psi", "altitude")
         if name in flight
     }
+    if "psi" in flown:
+        good = np.isfinite(flown["psi"])
+        flown["psi"][good] = np.unwrap(flown["psi"][good])
     scale = _pressure(flight, vehicle, whole) * vehicle.reference.area
     for name, axis in (("ax", "CX"), ("ay", "CY"), ("az", "CZ")):
         if axis in coefficients.values:
@@ -349,7 +365,8 @@ def _on_its_legs(model: FlightModel, speed: float, series: Mapping[str, Array]) 
     """Altitude [m], bank and pitch [rad] at which the legs carry a vehicle that rolls at a speed
     [m/s]: errors of a measured height would throw it up."""
     at_start = {name: float(values[0]) for name, values in series.items()}
-    carried = trim(model, Condition(speed, at_start["ground_altitude"], ground=True), at_start)
+    flat = flight_model(model.database)
+    carried = trim(flat, Condition(speed, at_start["ground_altitude"], ground=True), at_start)
     return {name: float(carried.start[name]) for name in ("altitude", "phi", "theta")}
 
 

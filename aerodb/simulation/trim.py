@@ -114,6 +114,10 @@ def trim(
     )
 
 
+#: Largest compression of legs [m] at which a start on the ground is looked for.
+_DEEPEST: Final = 1.0
+
+
 def _notes(model: FlightModel, run: Simulation) -> tuple[str, ...]:
     notes = [f"table {name} is left; its edge is held" for name in sorted(run.left)]
     if any(any(increment.folded) for increment in model.database.increments):
@@ -145,6 +149,15 @@ def _channels(problem: TrimProblem, run: Simulation, z: Array) -> dict[str, Arra
     return channels
 
 
+def _carried(problem: TrimProblem, guess: Mapping[str, float]) -> float:
+    """Height [m] at which the legs carry nearly all, at the attitude of a guess."""
+    touching = carrying_height(problem.model.database, problem.inputs.get("cg_z", 0.0))
+    heights = touching - np.linspace(0.0, _DEEPEST, 101)
+    z = np.repeat([[guess[name]] for name in problem.unknowns], len(heights), axis=1)
+    z[problem.unknowns.index("height")] = heights
+    return float(heights[np.abs(problem.accelerations(z)[2]).argmin()])
+
+
 def _begins(problem: TrimProblem, begin: Trim | None) -> Iterator[Array]:
     """First guesses (u,) of the unknowns."""
     condition = problem.condition
@@ -159,7 +172,7 @@ def _begins(problem: TrimProblem, begin: Trim | None) -> Iterator[Array]:
     elif condition.turn_rate and "phi" in guess:
         guess["phi"] = float(np.arctan(condition.V * condition.turn_rate / GRAVITY))
     if "height" in guess:
-        guess["height"] = carrying_height(problem.model.database)
+        guess["height"] = _carried(problem, guess)
     if "climb" in guess:
         guess["climb"] = -0.1
     if problem.thrust:

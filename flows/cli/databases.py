@@ -24,7 +24,10 @@ def import_file(
     context: typer.Context,
     files: Annotated[
         list[Path],
-        typer.Argument(metavar="FILE...", help=f"{DATABASES}; several of one code make tables."),
+        typer.Argument(
+            metavar="FILE...",
+            help=f"{DATABASES}; several of one code make tables, a TOML file joins the one before.",
+        ),
     ],
     vehicle: Annotated[
         str | None,

@@ -123,7 +123,7 @@ def _flown(
     run = simulate(model, time, trimmed.start, series)
     if stated.wake is not None:
         run, air = _through_wake(stated.wake, model, trimmed.start, series, run, air)
-    stands = standstill(run, model.database)
+    stands = standstill(run, model.database, [series[f"cg_{axis}"][0] for axis in "xyz"])
     ended = float(time[run.ended[0] - 1]) if stands is None else stands.time
     time = time if stands is None else time[: stands.samples]
     simulated = {name: run.channels[name][: len(time), 0] for name in (*RESPONSES, *moved)}

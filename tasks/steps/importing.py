@@ -25,6 +25,7 @@ from aerodb.exchange import (
     import_netcdf,
     is_daveml,
     is_own_mat,
+    joined,
     read_native,
 )
 from aerodb.storage.catalogue import VersionRow
@@ -280,8 +281,9 @@ def read_database(
     """Parse a database file by its suffix and content: DAVE-ML 2.0 (AIAA S-119), JSBSim, native
     TOML, CSV, MAT, NetCDF, output of aerodynamic codes, sweeps; tables become SI units.
 
-    part : returns the bytes of a file that this one names. more : further files of the same code
-    (name, content). vehicle : for proposals. Raises InputError for a format that cannot be read.
+    part : returns the bytes of a file that this one names. more : further files (name, content) of
+    the same code, or native TOML that is joined to the database. vehicle : for proposals. Raises
+    InputError for a format that cannot be read.
     """
     suffix = Path(name).suffix.lower()
     if is_of_code(data, name):
@@ -292,16 +294,20 @@ def read_database(
             [(name, data), *more], Path(name).stem, bindings=bindings, vehicle=vehicle
         )
     if more:
-        raise InputError("a database in one file", name, "import the other files alone")
+        database = read_database(data, name, bindings, part, vehicle=vehicle)
+        for other, content in more:
+            if Path(other).suffix.lower() != ".toml":
+                raise InputError(
+                    "only native TOML is joined to another file", other, "import it alone"
+                )
+            database = joined(database, _text(content, other), other)
+        return database
     if suffix in _XML and is_daveml(data):
         return import_daveml(data, bindings=bindings, name=Path(name).stem)
     if suffix == ".xml":
         return import_jsbsim(data, bindings=bindings, name=Path(name).stem, loader=part)
     if suffix == ".toml":
-        try:
-            return read_native(data.decode("utf-8"), name)
-        except UnicodeDecodeError as error:
-            raise InputError("not UTF-8 text", name, "save it as UTF-8") from error
+        return read_native(_text(data, name), name)
     for at, mark, importer in _BY_MARK:
         if data[at : at + len(mark)] == mark:
             return importer(data, name)
@@ -310,3 +316,10 @@ def read_database(
         " (NetCDF); aerodynamic codes: docs/reference/aerodynamic-codes.md"
     )
     raise InputError(f"no importer for '{suffix or 'a file without suffix'}'", name, remedy)
+
+
+def _text(data: bytes, name: str) -> str:
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise InputError("not UTF-8 text", name, "save it as UTF-8") from error

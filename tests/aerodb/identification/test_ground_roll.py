@@ -126,6 +126,18 @@ def test_a_planted_friction_is_found_uphill() -> None:
     assert any("climbs by 0.4" in note for note in rolls.assumed)
 
 
+@pytest.mark.parametrize("believed", [0.12, 0.26, 0.35])
+def test_a_database_with_another_friction_is_corrected(believed: float) -> None:
+    """With too much of it the run stands still long before the roll does."""
+    text = WITH_AIR.replace("mu_brake = { value = 0.22", f"mu_brake = {{ value = {believed}")
+    own = read_native(text)
+    assert own.parameters["mu_brake"] == believed
+    rolls = recorded_rolls([RolledFlight(rolled(mu_brake=0.2), WHEELS, "roll")], own)
+    found = ground_fit(output_error, rolls, ("mu_brake",), own, (0.0, 0.0))["mu_brake"]
+    assert found.value == pytest.approx(0.2, rel=5e-3)
+    assert abs(found.value - 0.2) < 4.0 * found.standard_error
+
+
 def test_a_slope_without_height_above_ground_costs_a_part_of_the_roll_and_says_so() -> None:
     def rolls(*gone: str) -> Rolls:
         whole = rolled(0.012)

@@ -17,6 +17,7 @@ from tests.support.three_wheels import (
     ROLLING,
     SPRING,
     THREE_WHEELS,
+    WITH_AIR,
     stopped_in_jsbsim,
 )
 
@@ -37,11 +38,12 @@ def by_hand(at: dict[str, float]) -> np.ndarray:
         (MAIN, 0.0, at["brake"]),
         ((MAIN[0], -MAIN[1], MAIN[2]), 0.0, at["brake"]),
     ):
+        from_cg = np.array(place) - [at.get(f"cg_{axis}", 0.0) for axis in "xyz"]
         arm = attitude @ np.array(place)
-        depth = arm[2] - at["height_above_ground"]
+        depth = (attitude @ from_cg)[2] - at["height_above_ground"]
         if depth <= 0.0:
             continue
-        moving = velocity + attitude @ np.cross([at["p"], at["q"], at["r"]], place)
+        moving = velocity + attitude @ np.cross([at["p"], at["q"], at["r"]], from_cg)
         load = max(SPRING * depth + DAMPING * moving[2], 0.0)
         heading = at["psi"] + angle
         ahead = np.array([np.cos(heading), np.sin(heading), 0.0])
@@ -77,6 +79,9 @@ def test_the_loads_are_those_of_the_equations() -> None:
             "velocity_down": rng.uniform(-1.0, 1.0),
             "brake": rng.uniform(0.0, 1.0),
             "steering": rng.uniform(-0.1, 0.1),
+            "cg_x": rng.uniform(-0.4, 0.4),
+            "cg_y": rng.uniform(-0.05, 0.05),
+            "cg_z": rng.uniform(-0.1, 0.1),
         }
         ahead, aside = rng.uniform(5.0, 60.0) * rng.choice([-1, 1]), rng.uniform(-3.0, 3.0)
         at["velocity_north"] = ahead * np.cos(at["psi"]) - aside * np.sin(at["psi"])
@@ -92,6 +97,7 @@ def test_a_castering_wheel_is_dragged_along_its_motion() -> None:
     text = text.replace('steering = "steering"\n', "")
     own = read_native(text.replace(f"position = {list(MAIN)}", "position = [-0.4, 0.9, 0.5]"))
     still = dict.fromkeys(("phi", "theta", "psi", "p", "q", "r", "velocity_down", "brake"), 0.0)
+    still |= {"cg_x": 0.0, "cg_y": 0.0, "cg_z": 0.0}
     at = {**still, "height_above_ground": 1.1, "velocity_north": 3.0, "velocity_east": 4.0}
     load = SPRING * (NOSE[2] - 1.1)
     expected = [-0.6 * ROLLING * load, -0.8 * ROLLING * load, -load]
@@ -126,6 +132,18 @@ def test_at_rest_nothing_moves() -> None:
     assert abs(run.channels["north"][-1, 0]) < 0.1  # it settles on its springs
     assert np.abs(run.channels["velocity_north"][-1, 0]) < 1e-9
     assert run.channels["height_above_ground"][-1, 0] < 1.2
+
+
+def test_still_air_has_no_loads_whatever_divides_by_its_speed() -> None:
+    """As files of JSBSim do, ``b/(2 V)``; a start at rest on the legs is one that rests."""
+    damped = WITH_AIR + '"b_ref*r/(2*V)" = -0.3\n'
+    model = flight_model(read_native(damped))
+    acting = {**MASSES, "Ixz": 0.0, "brake": 0.0, "steering": 0.0}
+    start = trim(model, Condition(0.0, 100.0, ground=True), acting)
+    run = simulate(model, np.arange(0.0, 2.0, 0.01), start.start, start.series)
+    assert run.ended[0] == len(run.time)
+    still = start.start["altitude"] - 100.0
+    assert run.channels["height_above_ground"][:, 0] == pytest.approx(still, abs=1e-6)
 
 
 def test_the_nose_wheel_steers_a_turn() -> None:
