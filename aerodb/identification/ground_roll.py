@@ -183,8 +183,8 @@ def fitted_roll(
 
 
 def _near_friction(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundRoll:
-    """The model with each free parameter of the legs at the multiple of its value that explains the
-    rolls best, all else as it was measured.
+    """The model with each free parameter of the legs at that multiple of its value with which the
+    rolls slow down as they did, where its own value is off by twice as much.
 
     With too much friction a run stands still long before the roll does. From there a search ends
     where speed and start make up for it.
@@ -193,21 +193,34 @@ def _near_friction(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundR
     for name in [name for name in own if model.parameters[name].free] * 2:
         item = model.parameters[name]
         tried = np.clip(item.value * _MULTIPLES, item.lower, item.upper)
-        misfit = sum(_misfit(model, record, {name: tried}) for record in records)
-        best = float(tried[int(np.argmin(misfit))])
-        model = replace(model, parameters=model.parameters.changed({name: best}))
+        off = sum(_off_along(model, record, {name: tried}) for record in records)
+        best = int(np.argmin(off))
+        if off[best] < 0.25 * off[len(tried) // 2]:
+            changed = model.parameters.changed({name: float(tried[best])})
+            model = replace(model, parameters=changed)
     return model
 
 
-def _misfit(model: GroundRoll, record: TimeHistory, changed: Values) -> Array:
-    """Sum (k,) of the logarithms of a roll's squared errors of each output, where some of the
-    parameters have k values in place of their own."""
+def _flown_beside(model: GroundRoll, record: TimeHistory, changed: Values) -> Array:
+    """Measured less flown outputs (n, o, k), 0 where not measured, where some of the parameters
+    have k values in place of their own; infinite after a divergence."""
     values = {item.name: np.array([item.value]) for item in model.parameters.items}
     measured = np.stack([record.outputs[name] for name in model.outputs], axis=1)
     left = measured[:, :, None] - model.simulated({**values, **changed}, record)
-    wrong = np.where(np.isfinite(measured)[:, :, None], left**2, 0.0).sum(axis=0)
-    sizes = np.nan_to_num(wrong, nan=np.inf)[np.isfinite(measured).any(axis=0)]
-    return np.asarray(np.log(sizes).sum(axis=0))
+    return np.where(np.isfinite(measured)[:, :, None], np.nan_to_num(left, nan=np.inf), 0.0)
+
+
+def _off_along(model: GroundRoll, record: TimeHistory, changed: Values) -> Array:
+    """Sum (k,) of the squared errors along the runway [m2, or m2/s2 where no place is known], as
+    `_flown_beside`."""
+    beside = _flown_beside(model, record, changed)
+    left = {name: beside[:, at] for at, name in enumerate(model.outputs)}
+    psi = model.parameters[f"initial_psi[{record.name}]"].value
+    for north, east in (("north", "east"), ("velocity_north", "velocity_east")):
+        if north in left and east in left and left[north].any():
+            along = left[north] * np.cos(psi) + left[east] * np.sin(psi)
+            return np.nan_to_num((along**2).sum(axis=0), nan=np.inf)
+    return np.asarray((left["V"] ** 2).sum(axis=0)) if "V" in left else np.zeros(1)
 
 
 def _in_crosswinds(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundRoll:
@@ -218,8 +231,12 @@ def _in_crosswinds(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundR
         north, east = (f"wind_{way}[{record.name}]" for way in ("north", "east"))
         if not (model.parameters[north].free and model.parameters[east].free):
             continue
-        psi = model.parameters[f"initial_psi[{record.name}]"].value
+        values = {item.name: np.array([item.value]) for item in model.parameters.items}
+        psi = values[f"initial_psi[{record.name}]"][0]
+        measured = np.stack([record.outputs[name] for name in model.outputs], axis=1)
         blown = {north: -np.sin(psi) * _CROSSWINDS, east: np.cos(psi) * _CROSSWINDS}
-        best = int(np.argmin(_misfit(model, record, blown)))
+        wrong = (_flown_beside(model, record, blown) ** 2).sum(axis=0)
+        sizes = wrong[np.isfinite(measured).any(axis=0)]
+        best = int(np.argmin(np.log(sizes).sum(axis=0)))
         found |= {name: float(values[best]) for name, values in blown.items()}
     return replace(model, parameters=model.parameters.changed(found))

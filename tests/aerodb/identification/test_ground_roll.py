@@ -133,7 +133,7 @@ def test_a_database_with_another_friction_is_corrected(believed: float) -> None:
     own = read_native(text)
     assert own.parameters["mu_brake"] == believed
     rolls = recorded_rolls([RolledFlight(rolled(mu_brake=0.2), WHEELS, "roll")], own)
-    found = ground_fit(output_error, rolls, ("mu_brake",), own, (0.0, 0.0))["mu_brake"]
+    found = ground_fit(output_error, rolls, ("mu_brake",), own)["mu_brake"]
     assert found.value == pytest.approx(0.2, rel=5e-3)
     assert abs(found.value - 0.2) < 4.0 * found.standard_error
 
