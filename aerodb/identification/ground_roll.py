@@ -193,7 +193,7 @@ def _near_friction(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundR
     for name in [name for name in own if model.parameters[name].free] * 2:
         item = model.parameters[name]
         tried = np.clip(item.value * _MULTIPLES, item.lower, item.upper)
-        off = sum(_off_along(model, record, {name: tried}) for record in records)
+        off = np.sum([_off_along(model, record, {name: tried}) for record in records], axis=0)
         best = int(np.argmin(off))
         if off[best] < 0.25 * off[len(tried) // 2]:
             changed = model.parameters.changed({name: float(tried[best])})
@@ -220,7 +220,8 @@ def _off_along(model: GroundRoll, record: TimeHistory, changed: Values) -> Array
         if north in left and east in left and left[north].any():
             along = left[north] * np.cos(psi) + left[east] * np.sin(psi)
             return np.nan_to_num((along**2).sum(axis=0), nan=np.inf)
-    return np.asarray((left["V"] ** 2).sum(axis=0)) if "V" in left else np.zeros(1)
+    flown = left["V"] if "V" in left else np.zeros_like(beside[:, 0])
+    return np.asarray((flown**2).sum(axis=0))
 
 
 def _in_crosswinds(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundRoll:
