@@ -13,9 +13,10 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.nomenclature import is_surface
 from aerodb.support import Array
 
+#: How names of deflections begin.
+_DEFLECTION: Final = "delta_"
 #: Highest order of the differences in which noise is looked for.
 _ORDERS: Final = 6
 #: Noise, as a part of a deflection's range, below which it is left: 1e-5 of an effect.
@@ -35,7 +36,7 @@ def deflection_noise(channels: Mapping[str, Array]) -> dict[str, float]:
     """
     found = {}
     for name, values in channels.items():
-        if is_surface(name) and len(values) > 2 * _ORDERS and np.isfinite(values).all():
+        if name.startswith(_DEFLECTION) and len(values) > 2 * _ORDERS and np.isfinite(values).all():
             sizes = [
                 float(np.median(np.abs(np.diff(values, order)))) / comb(2 * order, order) ** 0.5
                 for order in range(1, _ORDERS + 1)
