@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 2,
     "fly": 7,
     "estimate": 21,
-    "update": 28,
+    "update": 29,
     "gram": 21,
     "close_loop": 65,
 }

@@ -174,16 +174,17 @@ class FlightView:
         about_cg = dict(zip(AXES, scaled.T, strict=True))
         return transfer_moments(about_cg, self.cg, self.reference.moment_reference, self.reference)
 
-    def as_measured(self) -> "FlightView":
+    def as_measured(self, but: str = "") -> "FlightView":
         """This view with the measured coefficients in place of the predicted ones, where there are
-        any.
+        any; all `but` one axis.
 
         For what an error of known size changes, to first order also where the model is wrong; such
-        columns are for no test, as they would explain any residual."""
+        columns are for no test, as they would explain any residual, but that of the axis left out.
+        """
         measured = {
             axis: np.where(np.isfinite(values), values, self.predicted[axis])
             for axis, values in self.comparison.measured.items()
-            if axis in self.predicted
+            if axis in self.predicted and axis != but
         }
         return replace(self, predicted={**self.predicted, **measured})
 

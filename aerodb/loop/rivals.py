@@ -7,7 +7,7 @@ section "Gate".
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Final
 
@@ -115,6 +115,13 @@ class _Seen:
     rows: Mapping[str, NDArray[np.intp]]
     changed: Mapping[str, Array]
     left: Mapping[str, Array]
+    views: dict[str, FlightView] = field(default_factory=dict, repr=False)
+
+    def measured(self, axis: str) -> FlightView:
+        """The view with the measured loads of all axes but one."""
+        if axis not in self.views:
+            self.views[axis] = self.view.as_measured(axis)
+        return self.views[axis]
 
 
 def _seen(before: FlightView, after: FlightView) -> _Seen:
@@ -223,22 +230,34 @@ class _Change:
                     totals[name] = totals.get(name, 0.0) + float(value)
         return np.array([totals[name] for name in sorted(totals)])
 
-    def shown(self, columns: Sequence[Mapping[str, Array]]) -> _Shown:
+    def shown(
+        self,
+        columns: Sequence[Mapping[str, Array]],
+        measured: Sequence[Mapping[str, Array]] | None = None,
+    ) -> _Shown:
         """What the other axes show, by what varies in each flight; errors follow from the scores of
-        stretches (Liang & Zeger, Biometrika 73, 1986)."""
-        parts: list[tuple[Array, Array, Array]] = []
-        for number, (each, column) in enumerate(zip(self.flights, columns, strict=True)):
+        stretches (Liang & Zeger, Biometrika 73, 1986).
+
+        measured : the columns by the measured loads of other axes, as instruments (Wright, 1928).
+        """
+        parts: list[tuple[Array, Array, Array, Array]] = []
+        for number, (each, column, other) in enumerate(
+            zip(self.flights, columns, measured or columns, strict=True)
+        ):
             for axis, floor in self.floors.items():
                 if axis in self.axes or not len(column.get(axis, ())):
                     continue
                 stretch = each.view.time[each.rows[axis]] // _STRETCH + 1e6 * number
-                c, y = (_about_mean(values) / floor for values in (column[axis], each.left[axis]))
-                parts.append((c, y, stretch))
-        square = sum(float(c @ c) for c, _, _ in parts)
+                c, y, z = (
+                    _about_mean(values) / floor
+                    for values in (column[axis], each.left[axis], other.get(axis, column[axis]))
+                )
+                parts.append((c, y, z, stretch))
+        square = sum(float(z @ c) for c, _, z, _ in parts)
         if square <= 0.0:
             return _Shown(0.0, np.inf, 1)
-        size = sum(float(c @ y) for c, y, _ in parts) / square
-        scores = np.concatenate([c * (y - size * c) for c, y, _ in parts])
+        size = sum(float(z @ y) for _, y, z, _ in parts) / square
+        scores = np.concatenate([z * (y - size * c) for c, y, z, _ in parts])
         _, which = np.unique(np.concatenate([s for *_, s in parts]), return_inverse=True)
         score = np.bincount(which, scores)
         freedom = max(len(score) - 1, 1)
@@ -273,11 +292,16 @@ def _explains(change: _Change, hypothesis: Hypothesis) -> _Explains | None:
         columns = _columns(change, hypothesis, cd / cc) or columns
         cc, cd, dd = _products(change, columns)
     shown, size = change.shown(columns), cd / cc
-    whole = (
-        _believable(hypothesis, size)
-        and all(change.is_explained(columns, axis, size) for axis in sorted(change.axes))
-        and not shown.excludes(size, DIFFERENCE)
+    whole = _believable(hypothesis, size) and all(
+        change.is_explained(columns, axis, size) for axis in sorted(change.axes)
     )
+    if whole and shown.excludes(size, DIFFERENCE):
+        # Noise of beta is in the side force that the database predicts, and in the residual of yaw:
+        # it makes a size of its own. It is not in the side force that accelerometers measure; but
+        # with an arm, noise of rdot is. What is excluded is so by both.
+        other = change.shown(columns, _by_measured_loads(change, hypothesis, size))
+        whole = not other.excludes(size, DIFFERENCE)
+        shown = other if whole else shown
     part = (
         np.isfinite(shown.error)
         and shown.excludes(0.0, CLAIM)
@@ -300,6 +324,21 @@ def _columns(
         return None
     made = [(each, hypothesis.columns(each.view, size)) for each in change.flights]
     return [{a: all_[a][rows] for a, rows in each.rows.items() if a in all_} for each, all_ in made]
+
+
+def _by_measured_loads(
+    change: _Change, hypothesis: Hypothesis, size: float
+) -> list[Mapping[str, Array]]:
+    """The same of the axes that do not change, by the measured loads of all other axes."""
+    found = list[Mapping[str, Array]]()
+    for each in change.flights:
+        columns = {}
+        for axis in each.rows.keys() - change.axes:
+            made = hypothesis.columns(each.measured(axis), size)
+            if axis in made:
+                columns[axis] = made[axis][each.rows[axis]]
+        found.append(columns)
+    return found
 
 
 def _products(

@@ -5,6 +5,7 @@ from dataclasses import asdict, replace
 import numpy as np
 import pytest
 
+from aerodb.coefficients import total_coefficients
 from aerodb.increments import (
     ModelFile,
     estimate_increments,
@@ -106,6 +107,32 @@ terms = ["beta", "r_hat", "delta_rudder"]
 """
     found = rivals(FlightsInMemory(source.vehicle, wrong), rolling, text)
     assert "surface_scale@all:rudder" in {rival.hypothesis for rival in found}
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0, 4.0])
+def test_an_axis_whose_channels_are_noise_excludes_no_rival(
+    source: FlightsInMemory, noise: float
+) -> None:
+    """The vehicle file has the CG .05 chords too far aft. The noise of beta, in times its motion,
+    is in the side force that a moved CG turns to yaw, and in the residual of yaw as well."""
+    rng, own = np.random.default_rng(3), source.vehicle
+    (x, y, z), off = own.mass.cg, 0.05 * own.reference.chord
+    mass = own.mass.model_copy(update={"cg": (x - off, y, z)})
+    moved = own.model_copy(update={"mass": mass})
+    wrong = {}
+    for id, (flight, made) in source.flown.items():
+        right, aft = (
+            total_coefficients(flight, each, angular_acceleration="logged").values
+            for each in (own, moved)
+        )
+        shifted = {axis: values + aft[axis] - right[axis] for axis, values in made.values.items()}
+        beta = flight["beta"]
+        seen = beta + noise * beta.std() * rng.standard_normal(len(beta))
+        wrong[id] = flight.with_channels({"beta": seen}), replace(made, values=shifted)
+    text = MODEL[MODEL.index('[[increment]]\naxis = "Cm"') :]
+    (found,) = rivals(FlightsInMemory(moved, wrong), database(1.0), text)
+    assert found.hypothesis == "cg_offset@all:x"
+    assert found.value == pytest.approx(-off, rel=0.02)
 
 
 def test_nothing_to_judge_passes() -> None:
