@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 28,
     "consistency": 28,
     "coefficients": 5,
-    "compare": 18,
+    "compare": 19,
     "import": 2,
     "fly": 7,
     "estimate": 21,

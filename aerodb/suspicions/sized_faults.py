@@ -50,6 +50,8 @@ EXPLAINED_MOTION: Final = 0.3
 SEEN: Final = 0.15
 #: Times at which a stretch may begin or end in a first search.
 STRETCHES: Final = 30
+#: Longest delay that is said [s]: its column is of first order, and a swing takes a few seconds.
+MOST_DELAY: Final = 1.0
 #: Rates, whose constant delay is told by kinematics: gusts imitate it beside a database.
 RATES: Final = ("p", "q", "r")
 #: Accelerometers of which an axis shows the zero.
@@ -138,6 +140,8 @@ class Fault:
         if self.what == "zero" or (self.when == EVENLY and alone):
             least = EXPLAINED_LIKELIEST if likeliest else EXPLAINED_ZERO
         share = next(iter(self.shares.values()))
+        if self.what == "delay" and abs(self.size) > MOST_DELAY:
+            return False
         if self.what == "delay" and share > SEEN:  # axes that agree about it count together
             share = 1.0 - float(np.prod([1.0 - s for s in self.shares.values() if s > SEEN]))
         return not self.is_rival_only and share > least and abs(self.size) > self.least

@@ -16,6 +16,7 @@ from aerodb.signals import played
 from aerodb.suspicions import limits_flight
 from aerodb.suspicions.faults_in_time import faults_in_time
 from aerodb.suspicions.mass_events import mass_event_suspicions
+from aerodb.suspicions.sized_faults import ALWAYS, Fault
 from aerodb.vehicle import add_combinations, parse_vehicle
 from tests.campaigns.corrupted import measured as measured_pairs
 from tests.campaigns.corrupted import noticed_beside
@@ -188,6 +189,12 @@ def test_a_delay_that_begins_in_flight_is_told_with_its_time(flight: Pair) -> No
     assert "late" in said.sentence
     if said.kind == "changed":
         assert said.evidence["change"] == pytest.approx(-0.3, abs=0.12)
+
+
+@pytest.mark.parametrize(("size", "told"), [(0.5, True), (2.8, False)])
+def test_a_delay_is_told_as_far_as_its_first_order_reaches(size: float, told: bool) -> None:
+    fault = Fault("alpha", "delay", ALWAYS, {}, {"CZ": 0.5, "Cm": 0.3}, size, 0.01, 50.0)
+    assert fault.is_large(True, True) == told
 
 
 def test_a_gain_that_grows_is_told_with_its_size(flight: Pair) -> None:
