@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 21,
     "update": 29,
     "gram": 21,
-    "close_loop": 65,
+    "close_loop": 66,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     from .model_error import with_model_error
     from .noise_floor import noise_floor_of, noise_floors
     from .rivals import SensorRival, sensor_rivals
-    from .roll_search import RollSearch, search_rolls, with_air_drag
+    from .roll_search import RollSearch, search_rolls, with_air_drag, without_added
     from .rounds import LoopResult, run_loop
     from .stall_windows import StallWindow, stall_windows
     from .unexplained import unexplained_residuals

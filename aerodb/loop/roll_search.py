@@ -77,6 +77,17 @@ def search_rolls(
     return _Search(function, rolls, names, database, accept).run()
 
 
+def without_added(search: RollSearch, reason: str) -> RollSearch:
+    """Return a search of which nothing is added, for a reason that its findings then have."""
+    findings = tuple(
+        replace(each, verdict="suspected", reasons=(*each.reasons, reason))
+        if each.verdict == "confirmed"
+        else each
+        for each in search.findings
+    )
+    return replace(search, findings=findings, added=(), taken=())
+
+
 class _Search:
     """The state of a search: what was taken, and what was found."""
 

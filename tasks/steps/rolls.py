@@ -3,6 +3,7 @@
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from typing import Any, Final
 
 from aerodb.errors import InputError
@@ -20,7 +21,7 @@ from aerodb.identification import (
     with_fitted_legs,
 )
 from aerodb.increments import AxisValidation, HoldOut, Update, parse_model_file
-from aerodb.loop import Accept, search_rolls, with_air_drag
+from aerodb.loop import Accept, search_rolls, with_air_drag, without_added
 from aerodb.remarks import NEVER_AIRBORNE, said
 from aerodb.report import (
     add_remarks,
@@ -149,12 +150,24 @@ def _proved(
         error
         for flight in plan.flights
         if plan.hold_out.kind == "cross-validated" and databases[0] != databases[1]
-        for error in errors(updated([f for f in plan.flights if f != flight]), [flight])
+        for error in errors(
+            _by_others(updated, plan.flights, flight) or databases[0], [flight]
+        )  # what does not tell predicts as the baseline
     ]
     return _Proof(
         validated_rolls(before, after, plan.hold_out, left_out),
         rolls_document(rolls, left_out or after, databases, names, plan.hold_out),
     )
+
+
+def _by_others(
+    updated: Callable[[Sequence[str]], AeroDatabase], flights: Sequence[str], flight: str
+) -> AeroDatabase | None:
+    """The database updated by all flights but one; None where they do not tell of any parameter."""
+    try:
+        return updated([each for each in flights if each != flight])
+    except InputError:
+        return None
 
 
 def close_loop_on_rolls(
@@ -172,13 +185,22 @@ def close_loop_on_rolls(
     rolls = recorded_rolls(rolled_flights(access, plan.flights, run), wide)
     used = rolls.of(plan.hold_out.identified)
     search = search_rolls(function, used, names, wide, accept)
-    candidate = database
-    if search.fit is not None and search.taken:
-        candidate = with_fitted_legs(database, search.fit, used, search.taken)
+    taken, candidate = search.taken, database
+
+    @cache
+    def by(flights: tuple[str, ...]) -> AeroDatabase:
+        return updated_by_rolls(function, rolls.of(flights), taken, database).candidate
 
     def updated(flights: Sequence[str]) -> AeroDatabase:
-        return updated_by_rolls(function, rolls.of(flights), search.taken, database).candidate
+        return by(tuple(flights))
 
+    asked = any(accept.asks_for(each) for each in search.added)
+    if taken and not asked and plan.hold_out.kind == "cross-validated":
+        alone = [_by_others(updated, plan.flights, flight) for flight in plan.flights]
+        if not any(alone):
+            search = without_added(search, "rolls of fewer flights do not tell of it")
+    if search.fit is not None and search.taken:
+        candidate = with_fitted_legs(database, search.fit, used, search.taken)
     proof = _proved(
         plan, rolls, function, (database, candidate), search.taken or names, updated, None
     )

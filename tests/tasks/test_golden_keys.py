@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (5, "69fddcf2240dfc7e", "9ddddc1b635ef5d7"),
     "compare": (19, "e31efccc41c7c68f", "75ab953bf9aaf46f"),
     "gram": (21, "c2df847ee9ff5d9e", "a41b3127f3bfd9d7"),
-    "close_loop": (65, "aec2b82d7e289578", "b7cd226038e57476"),
+    "close_loop": (66, "6cd87e0cd1f838a6", "b7cd226038e57476"),
     "fly": (7, "d5fa484b305b750b", "c1e07fb83cde1a03"),
     "import": (2, "9e7ff2d1d859b7ae", "15d078bd64552f53"),
     "estimate": (21, "8d988a26701af419", "be09817f5df27dda"),
