@@ -42,6 +42,9 @@ _LONGEST_STEP: Final = 0.02
 _CROSSWINDS: Final = np.linspace(-20.0, 20.0, 41)
 #: Multiples of a parameter of the legs from which a search may begin: a tenth apart, up to 2.6.
 _MULTIPLES: Final = 1.1 ** np.arange(-10, 11)
+#: Share of the squared error along the runway that a multiple must leave at most to be taken
+#: (dimensionless): what hardly slows a roll, such as the side force, stays as it is.
+_SLOWS: Final = 0.25
 
 
 def ground_parameters(names: Sequence[str], database: AeroDatabase) -> bool:
@@ -195,7 +198,7 @@ def _near_friction(model: GroundRoll, records: Sequence[TimeHistory]) -> GroundR
         tried = np.clip(item.value * _MULTIPLES, item.lower, item.upper)
         off = np.sum([_off_along(model, record, {name: tried}) for record in records], axis=0)
         best = int(np.argmin(off))
-        if off[best] < 0.25 * off[len(tried) // 2]:
+        if off[best] < _SLOWS * off[len(tried) // 2]:
             changed = model.parameters.changed({name: float(tried[best])})
             model = replace(model, parameters=changed)
     return model

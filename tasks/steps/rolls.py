@@ -150,9 +150,8 @@ def _proved(
         error
         for flight in plan.flights
         if plan.hold_out.kind == "cross-validated" and databases[0] != databases[1]
-        for error in errors(
-            _by_others(updated, plan.flights, flight) or databases[0], [flight]
-        )  # what does not tell predicts as the baseline
+        # others that do not tell predict as the baseline
+        for error in errors(_by_others(updated, plan.flights, flight) or databases[0], [flight])
     ]
     return _Proof(
         validated_rolls(before, after, plan.hold_out, left_out),
