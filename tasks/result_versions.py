@@ -14,8 +14,8 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 19,
     "import": 2,
     "fly": 7,
-    "estimate": 21,
-    "update": 29,
+    "estimate": 22,
+    "update": 30,
     "gram": 21,
     "close_loop": 66,
 }

@@ -9,6 +9,7 @@ from scipy.linalg import null_space
 
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.output_error.likelihood import (
+    Beside,
     Covariance,
     MeasuredOutputs,
     Noise,
@@ -48,8 +49,9 @@ _NO_GAIN = 1e-3
 class OutputErrorSolution:
     """Where a search ended.
 
-    vector : (f,) unknowns. responses, noise, normal : there. information : (f, f) with priors.
-    converged : at an optimum. iterations : steps taken.
+    vector : (f,) unknowns. responses, noise, normal : there. information : (f, f) with priors and
+    what is held. beside : what the cost holds beside the likelihood. converged : at an optimum.
+    iterations : steps taken.
     """
 
     vector: Array
@@ -58,6 +60,7 @@ class OutputErrorSolution:
     noise: Noise
     normal: Normal
     information: Array
+    beside: Beside
     converged: bool
     iterations: int
 
@@ -74,9 +77,14 @@ class _Search:
     """The problem in the form of the steps."""
 
     def __init__(
-        self, model: DynamicModel, records: Sequence[TimeHistory], covariance: Covariance
+        self,
+        model: DynamicModel,
+        records: Sequence[TimeHistory],
+        covariance: Covariance,
+        beside: Beside,
     ) -> None:
         self.model, self.histories, self.kind = model, tuple(records), covariance
+        self.beside = beside
         self.parameters: Parameters = model.parameters
         self.quick = differentiable(model)  # threads would take longer to start
         self.lower, self.upper = bounds_of(self.parameters.unknown)
@@ -127,9 +135,11 @@ class _Search:
     def equations(self, state: _State) -> tuple[Normal, Array, Array]:
         """Normal equations, and information (f, f) and gradient (f,) with priors."""
         normal = normal_equations(
-            self.records, state.responses, state.noise, len(state.vector), self.kind
+            self.records, state.responses, state.noise, len(state.vector), self.kind, self.beside
         )
         information = normal.information + np.diag(self.prior_error**-2.0)
+        if self.beside.held is not None:
+            information = information + self.beside.held
         gradient = normal.gradient - (state.vector - self.prior) / self.prior_error**2
         return normal, information, gradient
 
@@ -146,7 +156,9 @@ def likelihood_of_start(
 ) -> float:
     """Return the log-likelihood (a scalar) with priors at a model's start values; -inf where it
     diverges. A natural logarithm without unit."""
-    return -_Search(model, records, covariance).outputs_only(model.parameters.start()).cost
+    return (
+        -_Search(model, records, covariance, Beside()).outputs_only(model.parameters.start()).cost
+    )
 
 
 def search(
@@ -154,16 +166,18 @@ def search(
     records: Sequence[TimeHistory],
     covariance: Covariance = "diagonal",
     most_iterations: int = 50,
+    beside: Beside | None = None,
 ) -> OutputErrorSolution:
     """Iterate from the start values of the model's parameters.
 
     Each step solves the normal equations with the noise covariance of the residuals as they are; it
-    is damped more when the likelihood falls, and less when it rises.
+    is damped more when the likelihood falls, and less when it rises. beside : of a cost whose end
+    is known already; steps are those of the likelihood alone.
 
     Vector (f,) in SI units. A search without an end, or from a start that diverges, has not
     converged. Klein & Morelli, Aircraft System Identification, 2016, chapter 6.
     """
-    problem = _Search(model, records, covariance)
+    problem = _Search(model, records, covariance, beside or Beside())
     vector = model.parameters.start()
     state = problem.at(vector, first_steps(vector))
     if not np.isfinite(state.cost):
@@ -211,11 +225,16 @@ def equations_with(
 ) -> Normal:
     """Return the normal equations (f, f) and (f,) at a solution, in its noise, of records that may
     have other inputs than its own; NaN where they cannot be flown."""
-    problem = _Search(model, records, covariance)
+    problem = _Search(model, records, covariance, solution.beside)
     steps = problem.steps(solution.vector, solution.information)
     responses = problem.at(solution.vector, steps).responses
     return normal_equations(
-        problem.records, responses, solution.noise, len(solution.vector), covariance
+        problem.records,
+        responses,
+        solution.noise,
+        len(solution.vector),
+        covariance,
+        solution.beside,
     )
 
 
@@ -234,6 +253,7 @@ def _solution(
         state.noise,
         normal,
         information,
+        problem.beside,
         converged,
         iterations,
     )

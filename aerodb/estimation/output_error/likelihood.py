@@ -126,12 +126,47 @@ def whitened(
 
 
 @dataclass(frozen=True, eq=False)
+class Beside:
+    """What a cost holds beside the likelihood.
+
+    Parameters
+    ----------
+    cycles : the deviation's lowest frequencies, up to so many cycles in a record, that count once
+        more; 0: none do.
+    held : (f, f) information of what is held near its start values; None where nothing is.
+    """
+
+    cycles: int = 0
+    held: Array | None = None
+
+    def counted(self, values: Array) -> Array:
+        """Return samples (n, ...) of a record with their lowest frequencies once more, in their
+        unit."""
+        if not self.cycles:
+            return values
+        basis = lowest(len(values), self.cycles)
+        return np.asarray(values + np.tensordot(basis, np.tensordot(basis.T, values, 1), 1))
+
+
+def lowest(n: int, cycles: int) -> Array:
+    """Orthonormal functions (n, 2 + 2 c), dimensionless, of a line and of the lowest c
+    frequencies."""
+    turn = 2.0 * np.pi * np.arange(n) / n
+    rows = [np.ones(n), np.linspace(-1.0, 1.0, n)]
+    for k in range(1, cycles + 1):
+        rows += [np.cos(k * turn), np.sin(k * turn)]
+    return np.asarray(np.linalg.qr(np.column_stack(rows))[0])
+
+
+@dataclass(frozen=True, eq=False)
 class Normal:
     """Normal equations of the f unknowns, without priors.
 
     Parameters
     ----------
     information : (f, f), of Fisher. gradient : (f,), of the log-likelihood.
+    scatter : (f, f), covariance of the gradient for white residuals: the information, unless some
+        of it counts once more.
     curvature : (f, f), information with what the estimate of the noise gives way when the
         parameters move: Newton's matrix of the likelihood that is maximised over the noise.
     gaps : (c,) of the constraints; gap_slopes (c, f) their derivatives.
@@ -139,6 +174,7 @@ class Normal:
 
     information: Array
     gradient: Array
+    scatter: Array
     curvature: Array
     gaps: Array
     gap_slopes: Array
@@ -148,7 +184,7 @@ def no_equations(unknowns: int) -> Normal:
     """Return the normal equations of f unknowns without any record. Zeros (f, f) and (f,), and
     constraints (0, f)."""
     square = np.zeros((unknowns, unknowns))
-    return Normal(square, np.zeros(unknowns), square, np.zeros(0), np.zeros((0, unknowns)))
+    return Normal(square, np.zeros(unknowns), square, square, np.zeros(0), np.zeros((0, unknowns)))
 
 
 def normal_equations(
@@ -157,15 +193,17 @@ def normal_equations(
     noise: Noise,
     unknowns: int,
     kind: Covariance,
+    beside: Beside,
 ) -> Normal:
     """Return sums over all records, weighted by the noise: matrix (f, f) and gradient (f,), in one
-    over the unknowns' units.
+    over the unknowns' units. beside : which frequencies count once more.
 
     The second term of the curvature is ``-1/(2 N) tr(S_a S_b)``, S_a being the derivative of the
     sum of the squares of the whitened residuals: without it the noise and the parameters are
     estimated in turn, which takes several times as many steps.
     """
     information, gradient = np.zeros((unknowns, unknowns)), np.zeros(unknowns)
+    scatter = np.zeros((unknowns, unknowns)) if beside.cycles else information
     gaps, gap_slopes = list[Array](), list[Array]()
     o = len(noise.covariance)
     square_slopes = np.zeros((o, o, unknowns))
@@ -173,7 +211,11 @@ def normal_equations(
         white, slopes = whitened(record, record.residual(response.outputs), response.slopes, noise)
         flat = slopes.reshape(-1, slopes.shape[-1])
         at = response.columns
-        information[np.ix_(at, at)] += flat.T @ flat
+        slopes = beside.counted(slopes)
+        weighted = slopes.reshape(flat.shape)
+        information[np.ix_(at, at)] += flat.T @ weighted
+        if beside.cycles:
+            scatter[np.ix_(at, at)] += weighted.T @ weighted
         for j in range(o):
             if kind == "full":
                 square_slopes[:, j, at] += white.T @ slopes[:, j]
@@ -190,6 +232,7 @@ def normal_equations(
     return Normal(
         information,
         gradient,
+        scatter,
         information - both.T @ both,
         np.concatenate(gaps),
         np.concatenate(gap_slopes),
@@ -201,10 +244,11 @@ def coloured_information(
     responses: Sequence[ModelResponse],
     noise: Noise,
     unknowns: int,
+    beside: Beside,
 ) -> tuple[Array, float]:
     """``sum_ij S_i' R^-1 Rvv(i-j) R^-1 S_j`` (f, f), with the autocorrelation Rvv of the residuals
     v, which is the information where they are white; and how many independent samples the residuals
-    of all outputs count as.
+    of all outputs count as. Slopes S are those of the cost, with what counts once more (`beside`).
 
     The residuals are first made uncorrelated between outputs at each sample; the autocorrelation
     of each is that of an autoregressive model (`coloured_noise`).
@@ -218,7 +262,7 @@ def coloured_information(
     for record, response in zip(records, responses, strict=True):
         white, slope = whitened(record, record.residual(response.outputs), response.slopes, noise)
         whites.append(white)
-        slopes.append(slope)
+        slopes.append(beside.counted(slope))
     squares = np.asarray(sum(white.T @ white for white in whites))
     deviation = np.sqrt(np.maximum(np.diag(squares), 1e-300))
     correlation = squares / np.outer(deviation, deviation)

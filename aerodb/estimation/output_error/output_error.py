@@ -256,12 +256,14 @@ def _covariances(parameters: Parameters, solution: OutputErrorSolution) -> _Cova
     directions = projected(solution.information, solution.normal, inside)
     white, rank = directions @ directions.T, directions.shape[1]
     data, independent = coloured_information(
-        solution.records, solution.responses, solution.noise, f
+        solution.records, solution.responses, solution.noise, f, solution.beside
     )
     prior = solution.information - solution.normal.information
     # residuals are smaller than the noise by what the parameters take up
     samples = float(solution.noise.count.sum())
     whole = white @ (data * independent / max(independent - rank, 1.0) + prior) @ white
+    if solution.beside.cycles:
+        white = white @ (solution.normal.scatter + prior) @ white
     return _Covariances(white * samples / max(samples - rank, 1.0), whole, independent, rank)
 
 

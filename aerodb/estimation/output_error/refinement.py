@@ -11,7 +11,7 @@ from aerodb.errors import InputError
 from aerodb.estimation.dynamic_model import DynamicModel
 from aerodb.estimation.fit import Fit
 from aerodb.estimation.output_error.gauss_newton import search
-from aerodb.estimation.output_error.likelihood import MeasuredOutputs, measured
+from aerodb.estimation.output_error.likelihood import Beside, MeasuredOutputs, lowest, measured
 from aerodb.estimation.output_error.output_error import ASSUMES, checked_records, fit_of
 from aerodb.estimation.output_error.sensitivities import ModelResponse, first_steps, respond
 from aerodb.estimation.parameters import Parameter, Parameters, bounds_of, priors_of
@@ -60,7 +60,8 @@ def nonlinear_refinement(
 
     Bounds are those of the parameters, where there are none two times the start value or 60
     standard errors to each side. The best end counts; a note says whether all starts end there.
-    Standard errors are those of the likelihood at it.
+    Standard errors are those of that cost, whose lowest frequencies count twice and scatter so
+    (White, Econometrica 50, 1982), with the distance to the linear model as a prior.
 
     Values are in SI units. Raises InputError for records of one name, without outputs, and where no
     start can be flown.
@@ -82,7 +83,8 @@ def nonlinear_refinement(
         )
     best = min(ends, key=lambda each: each.cost)
     placed: Any = replace(model, parameters=problem.parameters.changed(problem.named(best.vector)))  # type: ignore[type-var]
-    solution = search(placed, records, most_iterations=0)
+    held = problem.held(best.vector)
+    solution = search(placed, records, most_iterations=0, beside=Beside(_CYCLES, held))
     solution = replace(solution, converged=best.settled, iterations=len(ends))
     fit = fit_of("nonlinear-refinement", placed, records, solution, ASSUMES)
     return replace(fit, notes=(*fit.notes, _told(ends, best, fit, problem, starts)))
@@ -247,14 +249,23 @@ class _Problem:
             self.measured, self._responses(self.parameters, vector), strict=True
         ):
             left, moved = _weighted(one, response, noise, f)
-            basis = _lowest(len(left))
+            basis = lowest(len(left), _CYCLES)
             parts += [left.ravel(), (basis.T @ left).ravel()]
             slopes += [moved.reshape(-1, f), np.einsum("nm,nof->mof", basis, moved).reshape(-1, f)]
         parts.append(((self._linearised(vector) - self.known) / self.tolerance).ravel())
-        slopes.append((linear_slopes / self.tolerance[:, :, None]).reshape(-1, f))
+        slopes.append(self._in_tolerances(linear_slopes))
         parts.append((vector - self.prior) / self.prior_error)
         slopes.append(np.diag(1.0 / self.prior_error))
         return np.concatenate(parts), np.concatenate(slopes)
+
+    def held(self, vector: Array) -> Array:
+        """Information (f, f) of the distance to the linear model, at a point."""
+        slopes = self._in_tolerances(self._linear_slopes(vector))
+        return slopes.T @ slopes
+
+    def _in_tolerances(self, linear_slopes: Array) -> Array:
+        """Derivatives (., f) of the distance to the linear model."""
+        return (linear_slopes / self.tolerance[:, :, None]).reshape(-1, linear_slopes.shape[-1])
 
     def _linearised(self, vector: Array) -> Array:
         """Derivatives (s, s + m) of the rates by the states and by the m inputs that move, where
@@ -299,15 +310,6 @@ def _weighted(
         one.mask[:, :, None], response.slopes / noise[:, None], 0.0
     )
     return left, slopes
-
-
-def _lowest(n: int) -> Array:
-    """Orthonormal functions (n, 2 + 2 c) of a line and of the lowest c frequencies."""
-    turn = 2.0 * np.pi * np.arange(n) / n
-    rows = [np.ones(n), np.linspace(-1.0, 1.0, n)]
-    for k in range(1, _CYCLES + 1):
-        rows += [np.cos(k * turn), np.sin(k * turn)]
-    return np.asarray(np.linalg.qr(np.column_stack(rows))[0])
 
 
 def _shifted(record: TimeHistory, name: str, size: float) -> TimeHistory:

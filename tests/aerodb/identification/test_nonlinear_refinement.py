@@ -90,8 +90,8 @@ def test_new_terms_and_the_product_of_inertia(product: float) -> None:
 
 
 def test_noise_of_the_deflections_is_taken_off_and_counted() -> None:
-    """The printed noise of the potentiometers. In three sets of three legs 51 of 54 terms are within
-    two standard errors. Without the correction there were 41, and CY of a stabilator was five away."""
+    """The printed noise of the potentiometers. In six sets of three legs 102 of 108 terms are within
+    two standard errors. Without the correction 41 of 54 were, and CY of a stabilator was five away."""
     model, nominal = parse_model_file(NEW), six_surfaces.database(False)
     exact, noisy = (
         fits_of(METHODS["output-error"], flights(range(3), IXZ, surfaces), model, nominal)[0]
@@ -109,8 +109,8 @@ def test_noise_of_the_deflections_is_taken_off_and_counted() -> None:
 def test_refinement_with_noise_of_the_deflections() -> None:
     fit = refined(flights(range(3), -0.35))
     assert fit["Ixz"].value == pytest.approx(IXZ, rel=0.1)
-    for name, value in planted().items():
-        assert abs(fit[name].value - value) < 0.05 * abs(value) + 2.0 * fit[name].standard_error
+    inside = [abs(fit[n].value - v) < 2.0 * fit[n].standard_error for n, v in planted().items()]
+    assert np.mean(inside) >= 0.88  # 16 of 18: 95 % of trials have as many
     assert any("errors of the inputs bias" in each for each in fit.assumes)
 
 
