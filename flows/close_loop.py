@@ -44,6 +44,7 @@ def close_loop_flow(
     library: str = "",
     select: list[str] | None = None,
     on_ground: bool = False,
+    beside: str = "",
 ) -> dict[str, Any]:
     """Trace the residuals of `flights` beside version `baseline` (full ids), and add confirmed
     effects.
@@ -52,7 +53,8 @@ def close_loop_flow(
     admit them. measured : what was measured outside flight, ``NAME=SIGMA, BY`` each. effects : the
     text of a file of user templates. library : the hash that the library
     must have, or its beginning. select : conditions of the samples that count. on_ground : the loop
-    is of rolls on the ground, as it is where no flight was ever airborne.
+    is of rolls on the ground, as it is where no flight was ever airborne, and where there is a
+    version of the other line `beside` (its id; `WorkspaceAccess.flown_database`).
     Returns the loop's document with ``label``, ``gate`` and ``page``, the file of its
     report; ``candidate`` is None if nothing was added.
     """
@@ -60,7 +62,7 @@ def close_loop_flow(
     accept = Accept(
         tuple(accept_lumped or ()), tuple(accept_suspected or ()), tuple(accept_ambiguous or ())
     )
-    if rolls_alone(baseline, flights, on_ground, workspace=workspace):
+    if rolls_alone(baseline, flights, on_ground, workspace=workspace, beside=beside):
         if select or measured or effects or library:
             raise InputError(
                 "--select, --measured, --effects and --library are of flight",
@@ -75,6 +77,7 @@ def close_loop_flow(
             baseline=baseline,
             model="",
             hold_out=hold_out,
+            **({"beside": beside} if beside else {}),
         )
         document = steps(close_loop_on_rolls, plan, **where, accept=accept)
         document = steps(with_gate, document, **where)

@@ -19,9 +19,11 @@ def estimate_flow(
     whole: bool = False,
     page: bool = False,
     select: list[str] | None = None,
+    beside: str = "",
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text of a model file) from `flights` (ids) on a
     version (its id), or on none; only samples for which all conditions of `select` hold.
+    beside : id of a version of the other line (`WorkspaceAccess.flown_database`).
     Returns the document of `estimate_by_methods`, with the HTML ``page`` if asked for."""
     document: dict[str, Any] = steps(
         estimate_by_methods,
@@ -33,6 +35,7 @@ def estimate_flow(
         version=version,
         whole=whole,
         select=select or (),
+        **({"beside": beside} if beside else {}),
     )
     if page:
         document |= {"page": steps(estimates_page, document, workspace=workspace, run=run)}

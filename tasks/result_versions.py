@@ -26,3 +26,5 @@ JSBSIM_IMPORT: Final = 3
 #: Names of versions that the product itself moves.
 RELEASED: Final = "released"
 CANDIDATE: Final = "candidate"
+#: The same names in the line of friction, whose versions are legs alone.
+OF_FRICTION: Final = {RELEASED: "released-friction", CANDIDATE: "candidate-friction"}

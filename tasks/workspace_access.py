@@ -9,9 +9,11 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from aerodb.errors import InputError
 from aerodb.storage import files
 from aerodb.storage.catalogue import Catalogue, FlightRow, StoredFile, catalogue_location, measured
 from aerodb.storage.workspace import Workspace
+from aerodb.tasks.result_versions import OF_FRICTION
 
 # What reads files, settings and vehicles is imported where it is used: queries need none of it.
 if TYPE_CHECKING:
@@ -57,6 +59,44 @@ class WorkspaceAccess:
         """Return the database, in SI units, of a version (its full id); UnknownNameError where
         there is none."""
         return database_from(self.catalogue.version_documents(version).content)
+
+    def flown_database(self, version: str, beside: str = "") -> "AeroDatabase":
+        """Return the database, in SI units, that a version (its id) flies and rolls with.
+
+        beside : id of a version of the other line, legs beside aerodynamics or the reverse; empty
+        for a version that has both, or that only flies. Raises InputError where both are of one
+        line, and for legs without aerodynamics.
+        """
+        from aerodb.exchange import on_legs
+
+        database = self.database(version)
+        if not beside:
+            if database.legs_alone:
+                raise InputError(
+                    "a version of legs alone has no aerodynamics",
+                    self._named_version(version),
+                    "name a version that has: --with VERSION",
+                )
+            return database
+        other = self.database(beside)
+        if database.legs_alone == other.legs_alone:
+            what = "both are legs alone" if other.legs_alone else "none is of legs alone"
+            raise InputError(
+                f"of two versions {what}",
+                f"{self._named_version(version)} --with {self._named_version(beside)}",
+                "one is the aerodynamics, the other legs with their friction",
+            )
+        air, legs = (other, database) if database.legs_alone else (database, other)
+        return on_legs(air, legs)
+
+    def line_name(self, name: str, version: str) -> str:
+        """Return the name ``released`` or ``candidate`` as it is in the line of a version (its id):
+        that of friction has its own; any other name as it is."""
+        own = OF_FRICTION.get(name)
+        return own if own and self.database(version).legs_alone else name
+
+    def _named_version(self, version: str) -> str:
+        return f"version {self.catalogue.version_of_id(version).label}"
 
     def named(self, vehicle: str, name: str) -> str | None:
         """Return the id of the version that a name such as ``released`` points at; None if at none.

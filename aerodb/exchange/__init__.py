@@ -63,6 +63,7 @@ if TYPE_CHECKING:
     from .daveml import export_daveml, import_daveml, is_daveml
     from .file_checks import FileChecks, check_file
     from .input_names import propose_bindings, written_name
+    from .joined import joined, on_legs, read_legs
     from .jsbsim import (
         JsbsimAgreement,
         MassBalance,
@@ -80,7 +81,6 @@ if TYPE_CHECKING:
         database_content_sha256,
         database_document_sha256,
         from_document,
-        joined,
         read_native,
         to_document,
     )

@@ -61,14 +61,18 @@ from aerodb.units import conversion
 DOCUMENT_FORMAT: Final = 1
 
 
-def read_native(text: str, where: str = "database file") -> AeroDatabase:
+def read_native(
+    text: str, where: str = "database file", reference: Mapping[str, Any] | None = None
+) -> AeroDatabase:
     """Return the database of a TOML text (docs/reference/conventions.md, section "Database file"),
     in SI units.
 
+    reference : keys of [reference] where the text has none.
     Raises InputError that names the key and, for a mistyped name, the nearest valid one.
     Breakpoints that do not increase and shapes that do not match are refused.
     """
-    file = validated(DatabaseFile, _entries(text, where), where)
+    known = {} if reference is None else {"reference": reference}
+    file = validated(DatabaseFile, known | entries(text, where), where)
     if not file.terms and not file.derivatives and not file.parts:
         raise InputError(
             "neither terms nor derivatives nor parts",
@@ -78,8 +82,9 @@ def read_native(text: str, where: str = "database file") -> AeroDatabase:
     return _database(file, (), where)
 
 
-def _entries(text: str, where: str) -> dict[str, Any]:
-    """The keys of a TOML text; states as a list."""
+def entries(text: str, where: str) -> dict[str, Any]:
+    """Return the keys of a TOML text, in the units of the text; states as a list. InputError where
+    it is not TOML."""
     data = parsed_toml(text, where)
     if isinstance(data.get("states"), dict):  # [states.NAME], each with a rate
         named = data["states"].items()
@@ -88,35 +93,6 @@ def _entries(text: str, where: str) -> dict[str, Any]:
             for name, entry in named
         ]
     return data
-
-
-def joined(database: AeroDatabase, text: str, where: str) -> AeroDatabase:
-    """Return a database with what another TOML text adds to it, such as the legs of its parts.
-
-    The text is as `read_native` takes it, in SI units, with the reference left out or the same; its
-    expressions may use what the database has. Raises InputError for another reference, and for a
-    name that both have.
-    """
-    added, document = _entries(text, where), to_document(database)
-    reference = document["reference"]
-    told = validated(DatabaseFile, {"name": database.name, "reference": reference} | added, where)
-    if ReferenceGeometry(**dict(told.reference)) != database.reference:
-        raise InputError(
-            "another reference than that of the database",
-            f"{where}: [reference]",
-            "leave [reference] out: lengths and moment reference are those of the other file",
-        )
-    for key in ("free_inputs", "parameters", "parts", "variables", "tables", "scattered"):
-        both = sorted(document.get(key, {}).keys() & added.get(key, {}).keys())
-        if both:
-            raise InputError(
-                f"'{both[0]}' is in both files", f"{where}: [{key}]", "rename it in one of them"
-            )
-        document[key] = {**document.get(key, {}), **added.get(key, {})}
-    for key in ("terms", "states"):
-        document[key] = [*document.get(key, []), *added.get(key, [])]
-    document["derivatives"] = added.get("derivatives", {})
-    return from_document(document, where)
 
 
 def _database(file: DatabaseFile, increments: tuple[Increment, ...], where: str) -> AeroDatabase:

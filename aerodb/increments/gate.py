@@ -81,7 +81,8 @@ class GateCheck:
     """One check: its name, and the reasons why it failed; passed where there are none.
 
     label : its name in one or two words. measures : the numbers that it looks at. acceptable :
-    under what names a person may accept the reasons; empty where nobody can.
+    under what names a person may accept the reasons; empty where nobody can. not_judged : why it
+    does not apply; empty where it does.
     """
 
     name: str
@@ -89,6 +90,7 @@ class GateCheck:
     label: str
     measures: tuple[Measure, ...] = ()
     acceptable: tuple[str, ...] = ()
+    not_judged: str = ""
 
     @property
     def passed(self) -> bool:
@@ -232,7 +234,9 @@ def judge_import(
                 "content",
                 (Measure("unusual properties", len(unusual), None if CONTENT in accepted else 0),),
                 (CONTENT,) if unusual and CONTENT not in accepted else (),
-            ),
+            )
+            if not imported.legs_alone
+            else _of_aerodynamics("it holds nothing that no aircraft has", "content"),
         )
     )
 
@@ -384,12 +388,20 @@ def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> GateCheck:
     return GateCheck(name, tuple(reasons.values()), "repeatability", tuple(measures))
 
 
+def _of_aerodynamics(name: str, label: str) -> GateCheck:
+    """A check that does not apply to legs alone."""
+    return GateCheck(name, (), label, not_judged="does not apply: legs alone")
+
+
 def _signs(baseline: AeroDatabase, candidate: AeroDatabase) -> GateCheck:
+    name, label = "no new sign change outside the data", "sign changes"
+    if candidate.legs_alone:
+        return _of_aerodynamics(name, label)
     reasons = sign_reasons(baseline, candidate)
     return GateCheck(
-        "no new sign change outside the data",
+        name,
         reasons,
-        "sign changes",
+        label,
         (Measure("slopes with a new sign change", len(reasons), 0),),
     )
 

@@ -194,6 +194,18 @@ class AeroDatabase:
         return compile_program(expressions, tables, variables, constants)
 
     @cached_property
+    def legs_alone(self) -> bool:
+        """Whether it is legs with their friction, and no vehicle beside them: neither aerodynamics
+        nor the constant reference pressure of a vehicle that only rolls."""
+        return (
+            bool(self.parts)
+            and all(part["kind"] == "leg" for part in self.parts.values())
+            and all(term.part for term in self.terms)
+            and not self.increments
+            and self.reference.pressure is None
+        )
+
+    @cached_property
     def unused_parameters(self) -> tuple[str, ...]:
         """Parameters that no expression uses, so that no flight can tell anything of them."""
         trees = [each.expression for each in self.variables.values()]

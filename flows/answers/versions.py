@@ -135,12 +135,14 @@ class Swept(Answer):
 
 
 class GateCheck(Answer):
-    """A check of the gate: what it measured, and why it failed."""
+    """A check of the gate: what it measured, and why it failed; `not_judged`: why it does not
+    apply."""
 
     label: str
     passed: bool
     reasons: list[str]
     measures: list[dict[str, Any]]
+    not_judged: str = ""
 
 
 class Gate(Answer):

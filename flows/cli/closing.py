@@ -8,7 +8,17 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut, Select, Vehicle, Verbose, held_out
+from aerodb.flows.cli.references import (
+    Beside,
+    Direct,
+    Flights,
+    HoldOut,
+    Select,
+    Vehicle,
+    Verbose,
+    beside_of,
+    held_out,
+)
 from aerodb.flows.cli.updates import (
     chosen_flights,
     say_axes,
@@ -26,6 +36,7 @@ def close_loop(
     context: typer.Context,
     vehicle: Vehicle = None,
     baseline: Annotated[str, typer.Option(help="Version to trace against.")] = "released",
+    beside: Beside = None,
     flights: Flights = None,
     hold_out: HoldOut = None,
     accept_lumped: Annotated[
@@ -107,6 +118,7 @@ def close_loop(
         "library": library,
         **({"select": list(checked_conditions(select))} if select else {}),
         **({"on_ground": True} if on_ground else {}),
+        **beside_of(catalogue, vehicle, beside),
     }
     document = session.run(close_loop_flow, parameters, direct)
     for entry in document["not_added"]:

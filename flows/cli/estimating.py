@@ -9,7 +9,7 @@ from aerodb.errors import InputError
 from aerodb.flows.cli.known_names import METHODS
 from aerodb.flows.cli.mode_tables import print_modes
 from aerodb.flows.cli.output import HALF_INTERVAL, Session, plus_minus
-from aerodb.flows.cli.references import Select, Verbose
+from aerodb.flows.cli.references import Beside, Select, Verbose, beside_of
 from aerodb.flows.cli.vehicles import read_text
 from aerodb.support import counted
 
@@ -49,6 +49,7 @@ def estimate(
     baseline: Annotated[
         str, typer.Option(help="Version to build on; `none`: whole derivatives.")
     ] = "released",
+    beside: Beside = None,
     flights: Annotated[
         list[str] | None,
         typer.Option(help="Flights to use; default: all of the vehicle that are not rejected."),
@@ -106,7 +107,15 @@ def estimate(
 
         vehicle = vehicle_of(session.catalogue(), vehicle)
         document = _of_flights(
-            session, vehicle, flights, baseline, text, names, whole, output is not None, conditions
+            session,
+            vehicle,
+            flights,
+            (baseline, beside),
+            text,
+            names,
+            whole,
+            output is not None,
+            conditions,
         )
     page, rolls = document.pop("page", None), document.pop("rolls", False)
     named = " ".join(f"--flights {each}" for each in flights or ())
@@ -142,13 +151,14 @@ def _of_flights(
     session: Session,
     vehicle: str,
     flights: list[str] | None,
-    baseline: str,
+    versions: tuple[str, str | None],
     model: str,
     methods: list[str],
     whole: bool,
     page: bool,
     select: list[str],
 ) -> dict[str, Any]:
+    """The document of an estimate; versions : the baseline, and the version of ``--with``."""
     from aerodb.flows.cli.flights import called
     from aerodb.flows.estimate import estimate_flow
     from aerodb.identification import chosen_methods
@@ -156,8 +166,14 @@ def _of_flights(
 
     catalogue = session.catalogue()
     name = catalogue.vehicle(vehicle).name
+    baseline, beside = versions
+    if baseline == "none" and beside is not None:
+        raise InputError("--with is beside a version", "--baseline none", "leave it out")
     version = None if baseline == "none" else catalogue.version(name, baseline).id
-    rolls = version is not None and is_on_ground(version, model, workspace=str(session.root))
+    other = beside_of(catalogue, name, beside)
+    rolls = version is not None and is_on_ground(
+        version, model, workspace=str(session.root), **other
+    )
     methods = methods or ["output-error" if rolls else "regression"]
     rows = (
         [catalogue.flight(ref, name) for ref in flights]
@@ -182,6 +198,7 @@ def _of_flights(
             "whole": whole,
             "page": page,
             "select": select,
+            **other,
         },
         direct=True,
     )

@@ -31,6 +31,14 @@ HoldOut = Annotated[
         " default: the newest fifth."
     ),
 ]
+Beside = Annotated[
+    str | None,
+    typer.Option(
+        "--with",
+        help="A version of the other line, flown and rolled as one with this: legs with their"
+        " friction beside aerodynamics, or the reverse.",
+    ),
+]
 Since = Annotated[
     float | None,
     typer.Option("--from", min=0.0, help="Start [s] from the flight's first sample."),
@@ -61,6 +69,11 @@ def stretch_of(
             f"it lasts {row.duration:.1f} s: choose --from and --to within it",
         )
     return {"since": since, "until": until}
+
+
+def beside_of(catalogue: "Catalogue", vehicle: str, reference: str | None) -> dict[str, str]:
+    """Return the id of the version of ``--with`` as a parameter of a flow; none without it."""
+    return {} if reference is None else {"beside": catalogue.version(vehicle, reference).id}
 
 
 def held_out(catalogue: "Catalogue", vehicle: str, flights: list[str] | None) -> list[str] | None:

@@ -7,7 +7,15 @@ import typer
 
 from aerodb.errors import InputError
 from aerodb.flows.cli.output import Session, plus_minus
-from aerodb.flows.cli.references import Since, Until, Vehicle, Verbose, stretch_of
+from aerodb.flows.cli.references import (
+    Beside,
+    Since,
+    Until,
+    Vehicle,
+    Verbose,
+    beside_of,
+    stretch_of,
+)
 from aerodb.support import counted
 
 #: Most checks that a line names.
@@ -54,6 +62,7 @@ def fly(
     trimmed: Trimmed = False,
     tolerances: Tolerances = None,
     output: Output = None,
+    beside: Beside = None,
     vehicle: Vehicle = None,
     verbose: Verbose = False,
 ) -> None:
@@ -71,6 +80,8 @@ def fly(
     if (flight is None) == (manoeuvre is None):
         raise InputError("name a flight or a manoeuvre", remedy="--flight F, or --manoeuvre FILE")
     if manoeuvre is not None:
+        if beside is not None:
+            raise InputError("--with is of flights", "version fly --manoeuvre", "leave it out")
         _fly_manoeuvre(session, row, manoeuvre, stabilise, output)
         return
     flown = catalogue.flight(str(flight), row.vehicle)
@@ -84,6 +95,7 @@ def fly(
         "trimmed": trimmed,
         "tolerances": _text(tolerances),
         "page": output is not None,
+        **beside_of(catalogue, row.vehicle, beside),
     }
     document = session.run(fly_flow, parameters, direct=True)
     page = document.pop("page", None)
@@ -91,7 +103,7 @@ def fly(
     session.headlines(
         f"{row.vehicle}: {row.label} over {name}: {_flown_words(document)}",
         [("outside", _outside_words(document)), ("feedback", _feedback_words(session, document))],
-        f"aerodb version validate {row.label} --vehicle {row.vehicle}",
+        f"aerodb version validate {row.label}{_with(beside)} --vehicle {row.vehicle}",
     )
     session.say()
     if verbose:
@@ -148,6 +160,7 @@ def validate(
     table: Annotated[
         Path | None, typer.Option(help="CSV file to write: the qualification table for a QTG.")
     ] = None,
+    beside: Beside = None,
     vehicle: Vehicle = None,
 ) -> None:
     """Fly a version and its baseline over the manoeuvres of its held-out flights, and judge the
@@ -177,6 +190,7 @@ def validate(
         "trimmed": trimmed,
         "tolerances": _text(tolerances),
         "page": output is not None,
+        **beside_of(catalogue, row.vehicle, beside),
     }
     document = session.run(validate_flow, parameters, direct=True)
     page = document.pop("page", None)
@@ -194,6 +208,10 @@ def validate(
     session.answer(document)
     if not document["passed"]:
         raise typer.Exit(4)
+
+
+def _with(beside: str | None) -> str:
+    return f" --with {beside}" if beside else ""
 
 
 def _gain(text: str) -> tuple[str, float]:

@@ -9,7 +9,17 @@ import typer
 from aerodb.errors import InputError
 from aerodb.flows.cli.known_names import METHODS
 from aerodb.flows.cli.output import Session
-from aerodb.flows.cli.references import Direct, Flights, HoldOut, Select, Vehicle, Verbose, held_out
+from aerodb.flows.cli.references import (
+    Beside,
+    Direct,
+    Flights,
+    HoldOut,
+    Select,
+    Vehicle,
+    Verbose,
+    beside_of,
+    held_out,
+)
 from aerodb.flows.cli.vehicles import read_text
 
 if TYPE_CHECKING:
@@ -29,6 +39,7 @@ def update(
         typer.Option(help="Use model and flights of this version, without retracted flights."),
     ] = None,
     baseline: Annotated[str, typer.Option(help="Version to build on.")] = "released",
+    beside: Beside = None,
     flights: Flights = None,
     hold_out: HoldOut = None,
     method: Annotated[
@@ -73,7 +84,7 @@ def update(
         earlier = _as_before(catalogue, catalogue.version(vehicle, like))
         text, method = earlier.model, method or earlier.method
         flights, hold_out = flights or earlier.flights, hold_out or earlier.held_out
-        select = select or earlier.select
+        select, beside = select or earlier.select, beside or earlier.beside
     elif model is not None:
         text = read_text(model)
         parse_model_file(text, str(model))
@@ -86,6 +97,7 @@ def update(
         "model": text,
         "hold_out": held_out(catalogue, vehicle, hold_out),
         **({} if method is None else {"method": method}),
+        **beside_of(catalogue, vehicle, beside),
         **({"all_free": True} if all_free else {}),
         **({"select": list(checked_conditions(select))} if select else {}),
     }
@@ -118,17 +130,20 @@ def chosen_flights(catalogue: "Catalogue", vehicle: str, flights: list[str] | No
 @dataclass(frozen=True)
 class _EarlierUpdate:
     """Model file, method, flights, held-out flights and selection of the update that made a
-    version."""
+    version, and the name of the line of friction where that is of legs alone."""
 
     model: str
     method: str | None
     flights: list[str]
     held_out: list[str] | None
     select: list[str] | None
+    beside: str | None
 
 
 def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
     """Return the update that made a version, without retracted flights."""
+    from aerodb.tasks.result_versions import OF_FRICTION, RELEASED
+
     settings = catalogue.settings_of([version.id])[version.id]
     if "model" not in settings:
         raise InputError(
@@ -146,6 +161,7 @@ def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
         [use.flight for use in standing],
         held or None,
         settings.get("select"),
+        OF_FRICTION[RELEASED] if "with" in settings else None,
     )
 
 

@@ -84,10 +84,11 @@ def promotion_page(
     access = access_of(request)
     require_role(access.workspace, access.catalogue, "release", "promoting a version")
     row = version_at(access, version, vehicle)
-    moved = name or RELEASED
+    moved = access.line_name(name or RELEASED, row.id)
     event = access.catalogue.named(row.vehicle, moved)
     now = access.catalogue.version_of_id(event.version) if event is not None else None
-    guarded = moved == RELEASED and (now is None or now.id != row.id)
+    own = access.line_name(RELEASED, row.id)
+    guarded = moved == own and (now is None or now.id != row.id)
     gate = console_of(request).run(gate_flow, {"version": row.id}) if guarded else None
     report = access.catalogue.version_documents(row.id).report
     responses = known_responses(access, row, now.id if now else None)

@@ -100,6 +100,7 @@ def fly_version(
     feedback: Mapping[str, float] | None = None,
     trimmed: bool = False,
     tolerances: str = "",
+    beside: str = "",
 ) -> dict[str, Any]:
     """Fly a version (its id) over a flight (its id), and store the responses.
 
@@ -113,11 +114,12 @@ def fly_version(
     trimmed : begin each stretch in the flight's trim, by a constant force and moment that hold the
         first second.
     tolerances : text; empty: those that come with aerodb.
+    beside : as of `WorkspaceAccess.flown_database`.
 
-    Returns a document: flight, version, key, tolerances, standard (`standard_document`), stretches
-    (since, until, kind, condition, controls, feedback, correction, responses, oscillations, checks,
-    notes, and where feedback is closed open_loop; where it was not flown, reason, and what: the
-    reason without the place).
+    Returns a document: flight, version, with (`beside`, where there is one), key, tolerances,
+    standard (`standard_document`), stretches (since, until, kind, condition, controls, feedback,
+    correction, responses, oscillations, checks, notes, and where feedback is closed open_loop;
+    where it was not flown, reason, and what: the reason without the place).
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
@@ -134,15 +136,17 @@ def fly_version(
         "tolerances": text,
     }
     inputs = {"coefficients": loaded.key, "version": version}
+    inputs |= {"beside": beside} if beside else {}
     result = StoredResult(access, "fly", "simulation", inputs, settings, flight=row.id)
     path = result.stored()
     if path is not None:
         return dict(read_results(path, ("time",))[1]["document"])
     vehicle, _ = access.vehicle(row.vehicle)
     gains = {_gain_name(name): value for name, value in (feedback or {}).items()}
+    database = access.flown_database(version, beside)
     pieces = [
         fly_window(
-            access.database(version),
+            database,
             loaded.flight,
             loaded.coefficients,
             vehicle,
@@ -158,6 +162,7 @@ def fly_version(
     document = {
         "flight": row.id,
         "version": version,
+        **({"with": beside} if beside else {}),
         "key": result.key,
         "tolerances": limits.name,
         "standard": standard_document(limits),

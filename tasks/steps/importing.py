@@ -26,6 +26,7 @@ from aerodb.exchange import (
     is_daveml,
     is_own_mat,
     joined,
+    read_legs,
     read_native,
 )
 from aerodb.storage.catalogue import VersionRow
@@ -119,7 +120,7 @@ def import_database(
         settings["held"] = held
     outcome, gone = _outcome(checks), list(without_values(database))
     cg = _cg_of(access.vehicle(vehicle)[0])
-    unusual = [] if gone else list(unusual_content(database, cg))
+    unusual = [] if gone or database.legs_alone else list(unusual_content(database, cg))
     report = {
         "imported_from": path.name,
         **({"without_values": gone} if gone else {}),
@@ -131,20 +132,21 @@ def import_database(
     version = add_version(
         access, database, vehicle, None, sorted(inputs), settings, report, [], run
     )
-    released = access.named(vehicle, RELEASED)
+    name = access.line_name(RELEASED, version.id)
+    released = access.named(vehicle, name)
     if replace_reason:
         promote(
             version.id,
             workspace=workspace,
             run=run,
-            name=RELEASED,
+            name=name,
             reason=replace_reason,
             accept=accept,
         )
     elif (checks is None or checks.passed) and not (gone or unusual or known["dividing"]):
-        _release(access, version, released, path.name)
+        _release(access, version, name, released, path.name)
     replaced = access.catalogue.version_of_id(released).label if released else None
-    now = access.named(vehicle, RELEASED)
+    now = access.named(vehicle, name)
     return {
         "version": version.id,
         "label": version.label,
@@ -156,8 +158,8 @@ def import_database(
         "unusual": unusual,
         "file_checks": outcome,
         "read_as": database.description.splitlines() if is_of_code(data, path.name) else [],
-        "lacks": list(lacking_effects(database)) if not gone else [],
-        "curves": _curves(database) if not gone else {},
+        "lacks": list(lacking_effects(database)) if not (gone or database.legs_alone) else [],
+        "curves": _curves(database) if not (gone or database.legs_alone) else {},
         **known,
     }
 
@@ -222,12 +224,15 @@ def _questions(known: Mapping[str, Any]) -> list[Question]:
     ]
 
 
-def _release(access: WorkspaceAccess, version: VersionRow, released: str | None, name: str) -> None:
-    """Point ``released`` at an import where there is none, or an untouched import of this file."""
+def _release(
+    access: WorkspaceAccess, version: VersionRow, name: str, released: str | None, file: str
+) -> None:
+    """Point the released `name` of its line at an import where there is none, or an untouched
+    import of this file."""
     if released is None:
-        move(access, version.vehicle, RELEASED, version.id, f"first imported database ({name})")
-    elif _is_untouched_import(access, version.vehicle, released, name):
-        move(access, version.vehicle, RELEASED, version.id, f"imported again ({name})")
+        move(access, version.vehicle, name, version.id, f"first imported database ({file})")
+    elif _is_untouched_import(access, version.vehicle, released, file):
+        move(access, version.vehicle, name, version.id, f"imported again ({file})")
 
 
 def _is_untouched_import(access: WorkspaceAccess, vehicle: str, version: str, name: str) -> bool:
@@ -307,7 +312,10 @@ def read_database(
     if suffix == ".xml":
         return import_jsbsim(data, bindings=bindings, name=Path(name).stem, loader=part)
     if suffix == ".toml":
-        return read_native(_text(data, name), name)
+        text = _text(data, name)
+        lengths = None if vehicle is None else vehicle.reference
+        legs = None if lengths is None else read_legs(text, name, lengths)
+        return legs or read_native(text, name)
     for at, mark, importer in _BY_MARK:
         if data[at : at + len(mark)] == mark:
             return importer(data, name)

@@ -30,10 +30,13 @@ def loop_options(
     were not left out (None: now). UnknownNameError for another vehicle.
     """
     vehicle, baseline = parameters["vehicle"], parameters["baseline"]
+    beside = parameters.get("beside") or ""
+    rows = catalogue.versions_by_id([baseline, beside])
+    labels = {id: rows[id].label if id in rows else id[:12] for id in (baseline, beside)}
     options = []
     if catalogue.names(vehicle).get(RELEASED) != baseline:
-        row = catalogue.versions_by_id([baseline]).get(baseline)
-        options.append(f"--baseline {row.label if row else baseline[:12]}")
+        options.append(f"--baseline {labels[baseline]}")
+    options += [f"--with {labels[beside]}"] if beside else []
     chosen = parameters["flights"]
     there = {
         row.id for row in catalogue.flights(vehicle) if asked is None or row.added_utc <= asked

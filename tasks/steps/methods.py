@@ -61,11 +61,13 @@ def estimate_by_methods(
     version: str | None = None,
     whole: bool = False,
     select: Sequence[str] = (),
+    beside: str = "",
 ) -> dict[str, Any]:
     """Estimate the increments declared in `model` (text) by several methods, and store the answers.
 
     flights : their ids. version : its id; None: on no database, which gives whole derivatives.
     select : conditions of the samples that count (`aerodb.conditioning.selected`).
+    beside : as of `WorkspaceAccess.flown_database`.
     methods : names, or ``["all"]``. whole : methods that fly take the whole of each flight.
 
     Returns a document: key, version, flights, methods (method, kind, assumes, converged,
@@ -79,7 +81,9 @@ def estimate_by_methods(
     access = access_workspace(workspace)
     chosen = chosen_methods(methods)
     database = (
-        _no_database(access, flights[0], run) if version is None else access.database(version)
+        _no_database(access, flights[0], run)
+        if version is None
+        else access.flown_database(version, beside)
     )
     rolls = rolls_on_ground(model, database)
     inputs = (
@@ -94,7 +98,9 @@ def estimate_by_methods(
         access,
         "estimate",
         "estimates",
-        inputs | ({} if version is None else {"version": version}),
+        inputs
+        | ({} if version is None else {"version": version})
+        | ({"beside": beside} if beside else {}),
         {"model": model, "methods": [method.name for method in chosen]}
         | ({"whole": True} if whole else {})
         | ({"select": list(select)} if select else {}),
@@ -115,14 +121,16 @@ def estimate_by_methods(
         fits, compared = _in_flight(access, flights, database, run, model, chosen, whole, select)
     document = {"key": result.key, "version": version, "flights": list(flights), **compared}
     document |= {"select": list(select)} if select else {}
+    document |= {"with": beside} if beside else {}
     table = _long([fit for each in fits.values() for fit in each])
     result.keep(run, lambda path: write_results(path, table, {"document": document}))
     return document
 
 
-def is_on_ground(version: str, model: str, *, workspace: str) -> bool:
-    """Return whether a model file (text) is of rolls on the ground on a version (its id)."""
-    return rolls_on_ground(model, access_workspace(workspace).database(version))
+def is_on_ground(version: str, model: str, *, workspace: str, beside: str = "") -> bool:
+    """Return whether a model file (text) is of rolls on the ground on a version (its id); beside :
+    as of `WorkspaceAccess.flown_database`."""
+    return rolls_on_ground(model, access_workspace(workspace).flown_database(version, beside))
 
 
 def rolls_on_ground(model: str, database: AeroDatabase) -> bool:

@@ -117,7 +117,7 @@ def store_candidate(
     document["candidate"] = version_id(plan.vehicle, plan.baseline, keys, settings)
     origin = (plan.vehicle, plan.baseline, keys, settings, document, roles_of(plan))
     version = add_version(access, candidate, *origin, run)
-    move(access, plan.vehicle, CANDIDATE, version.id, why)
+    move(access, plan.vehicle, access.line_name(CANDIDATE, version.id), version.id, why)
     # Where the same was made before, the stored report is the one that counts.
     return {**access.catalogue.version_documents(version.id).report, "label": version.label}
 

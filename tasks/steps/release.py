@@ -41,7 +41,7 @@ from aerodb.storage.workspace_settings import GateSettings, load_settings
 from aerodb.suspicions import limits_flight
 from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.actors import user
-from aerodb.tasks.result_versions import RELEASED
+from aerodb.tasks.result_versions import OF_FRICTION, RELEASED
 from aerodb.tasks.steps.conditioning import stored_suspicions
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace, database_from
 
@@ -55,7 +55,8 @@ def promote(
     reason: str,
     accept: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Point `name` at a version (its id); ``released`` only through the gate.
+    """Point `name` at a version (its id); ``released`` only through the gate. Of a version of legs
+    alone that is ``released-friction`` (`OF_FRICTION`).
 
     accept : changes of derivatives (``Cm_delta_elevator``), errors of sensors
     (``alpha_scale@all``, all of them ``sensors``), estimates that cannot be told apart
@@ -71,27 +72,32 @@ def promote(
     catalogue = access.catalogue
     row = catalogue.version_of_id(version)
     _check_words(name, reason)
+    own = _released_name(access, row)
+    name = own if name == RELEASED else name
+    guarded = name == own
+    if not guarded and name in (RELEASED, OF_FRICTION[RELEASED]):
+        raise InputError(
+            f"'{name}' is of legs alone", f"version {row.label}", f"its line has the name {own}"
+        )
     current = catalogue.named(row.vehicle, name)
     if current is not None and current.version == row.id:
         return _document(current, row, moved=False)
-    used = _used(row, access) if name == RELEASED else []
-    verdict = (
-        _gate(access, row, used, current, accept, run) if name == RELEASED else GateVerdict(())
-    )
+    used = _used(row, access) if guarded else []
+    verdict = _gate(access, row, used, current, accept, run) if guarded else GateVerdict(())
     if not verdict.passed:
         raise _refusal(row, verdict.reasons)
     if accept:
         reason = f"{reason} (accepted: {', '.join(accept)})"
     with catalogue.transaction():
         # A flight may have been retracted while the gate was judging.
-        if name == RELEASED and (stale := catalogue.stale(row.id)):
+        if guarded and (stale := catalogue.stale(row.id)):
             raise _refusal(row, stale)
         expected = current.version if current is not None else None
         event = catalogue.move_name(
             row.vehicle, name, row.id, user=user(), reason=reason, expected=expected
         )
     report = catalogue.version_documents(row.id).report
-    notes = [*notes_on_release(report), *_suspected(used, access)] if name == RELEASED else []
+    notes = [*notes_on_release(report), *_suspected(used, access)] if guarded else []
     return {
         **_document(event, row, moved=True),
         "checks": [check.name for check in verdict.checks],
@@ -118,7 +124,7 @@ def judge_version(
     access = access_workspace(workspace)
     catalogue = access.catalogue
     row = catalogue.version_of_id(version)
-    current = catalogue.named(row.vehicle, RELEASED)
+    current = catalogue.named(row.vehicle, _released_name(access, row))
     there = current is not None and current.version == row.id
     used = _used(row, access)
     try:
@@ -201,6 +207,14 @@ def roll_back(vehicle: str, *, workspace: str, run: str, name: str, reason: str)
         vehicle, name, target.id, user=user(), reason=reason, expected=history[-1].version
     )
     return {**_document(event, target, moved=True), "stale": list(catalogue.stale(target.id))}
+
+
+def _released_name(access: WorkspaceAccess, row: VersionRow) -> str:
+    """The name ``released`` as the line of a version has it."""
+    try:
+        return access.line_name(RELEASED, row.id)
+    except (ValueError, RecursionError):  # content that cannot be read, as the gate then says
+        return RELEASED
 
 
 def _check_words(name: str, reason: str) -> None:
@@ -400,9 +414,17 @@ def _responses(
     folder = str(access.workspace.root)
     path = access.workspace.root / gate.tolerances if gate.tolerances else None
     text = read_tolerances(path) if path else default_tolerances()
+    rolled = access.catalogue.version_documents(row.id).report
     if fly:
         flown = [
-            fly_version(flight, workspace=folder, run=run, version=row.id, tolerances=text)
+            fly_version(
+                flight,
+                workspace=folder,
+                run=run,
+                version=row.id,
+                tolerances=text,
+                beside=rolled.get("with", {}).get("version", ""),
+            )
             for flight in held
         ]
         summary = summarise_responses(flown, workspace=folder, run=run, before=(), independent=True)

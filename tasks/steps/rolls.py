@@ -2,7 +2,7 @@
 
 import hashlib
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import Any, Final
 
@@ -38,7 +38,7 @@ from aerodb.tasks.steps.ingest import load_flight
 from aerodb.tasks.steps.methods import method_for_rolls, rolled_flights
 from aerodb.tasks.steps.publish import keep_report, looks, store_candidate
 from aerodb.tasks.steps.update import UpdatePlan, by_itself, split_flights
-from aerodb.tasks.workspace_access import access_workspace
+from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
 from aerodb.tracing import Traced, TracingSettings
 
 #: The method that flies rolls where none is named.
@@ -58,14 +58,20 @@ def plan_rolls(
     model: str,
     hold_out: list[str] | None,
     method: str = FLIES,
+    beside: str = "",
 ) -> UpdatePlan:
     """Split flights (ids) with rolls on the ground into identification and validation, as
     `plan_update` does; one without a roll is excluded, one that was never airborne is not.
 
+    beside : as of `WorkspaceAccess.flown_database`; the plan's baseline is then the version of legs
+    alone, whichever of both that is.
     Raises InputError where no roll can be used, UnknownNameError for an unknown reference.
     """
     access = access_workspace(workspace)
-    rolls = recorded_rolls(rolled_flights(access, flights, run), access.database(baseline))
+    database = access.flown_database(baseline, beside)
+    if beside and not access.database(baseline).legs_alone:
+        baseline, beside = beside, baseline
+    rolls = recorded_rolls(rolled_flights(access, flights, run), database)
     lacking = [by_itself(flight, reason) for flight, reason in rolls.left_out.items()]
     split, excluded = split_flights(access, vehicle, baseline, flights, lacking, hold_out)
     why = tuple((each.flight, each.reason) for each in excluded)
@@ -73,7 +79,8 @@ def plan_rolls(
         load_flight(access, access.catalogue.flight(each), run)[1]
         for each in (*split.identified, *split.held_out)
     )
-    return UpdatePlan(vehicle, baseline, model, split, why, keys, method=method)
+    keys += (beside,) if beside else ()
+    return UpdatePlan(vehicle, baseline, model, split, why, keys, method=method, beside=beside)
 
 
 def update_from_rolls(plan: UpdatePlan, *, workspace: str, run: str) -> dict[str, Any]:
@@ -83,7 +90,8 @@ def update_from_rolls(plan: UpdatePlan, *, workspace: str, run: str) -> dict[str
     Raises what `updated_by_rolls` raises.
     """
     access = access_workspace(workspace)
-    database, model = access.database(plan.baseline), parse_model_file(plan.model)
+    database = access.flown_database(plan.baseline, plan.beside)
+    model = parse_model_file(plan.model)
     function = method_for_rolls(METHODS[plan.method], model)
     rolls = recorded_rolls(rolled_flights(access, plan.flights, run), database)
 
@@ -96,17 +104,19 @@ def update_from_rolls(plan: UpdatePlan, *, workspace: str, run: str) -> dict[str
         function, rolls.of(plan.hold_out.identified), names, database, model.wind
     )
     proof = _proved(plan, rolls, function, (database, update.candidate), names, updated, model.wind)
+    candidate = _of_line(access, plan, update.candidate)
     document = update_document(
         vehicle=plan.vehicle,
         baseline=plan.baseline,
         hold_out=plan.hold_out,
         excluded=plan.excluded,
         looks={flight: looks(access, flight) for flight in plan.hold_out.held_out},
-        update=Update(update.candidate, (), plan.hold_out.identified, (), model.parameters),
+        update=Update(candidate, (), plan.hold_out.identified, (), model.parameters),
         proof=proof.axes,
     )
     document["parameters"] = parameter_changes(database, update.candidate)
     document["rolls"] = proof.rolls
+    document |= _beside(access, plan)
     add_remarks(document, map(said, (*_without_value(update.without_value), *rolls.assumed)))
     settings = {
         "model": plan.model,
@@ -114,9 +124,33 @@ def update_from_rolls(plan: UpdatePlan, *, workspace: str, run: str) -> dict[str
         "held_out": list(plan.hold_out.held_out),
         "update": RESULT_VERSION["update"],
         "method": plan.method,
+        **_with(plan),
     }
     document |= {"method": plan.method, "rivals": [], "derivatives": []}
-    return store_candidate(access, plan, update.candidate, document, settings, _WHY, run)
+    return store_candidate(access, plan, candidate, document, settings, _WHY, run)
+
+
+def _of_line(access: WorkspaceAccess, plan: UpdatePlan, updated: AeroDatabase) -> AeroDatabase:
+    """What the plan's line stores of an updated database: all of it, or of a line of legs alone
+    the legs with their parameters."""
+    if not plan.beside:
+        return updated
+    legs = access.database(plan.baseline)
+    own = {name: updated.variables[name] for name in legs.variables}
+    return replace(legs, variables=own)
+
+
+def _with(plan: UpdatePlan) -> dict[str, str]:
+    """What settings say of the version that rolled with the baseline."""
+    return {"with": plan.beside} if plan.beside else {}
+
+
+def _beside(access: WorkspaceAccess, plan: UpdatePlan) -> dict[str, Any]:
+    """What a document says of the version that rolled with the baseline."""
+    if not plan.beside:
+        return {}
+    row = access.catalogue.version_of_id(plan.beside)
+    return {"with": {"version": row.id, "label": row.label}}
 
 
 @dataclass(frozen=True)
@@ -178,7 +212,7 @@ def close_loop_on_rolls(
     Returns the document of a closed loop (docs/reference/contract.md), ``label`` and ``report``.
     """
     access = access_workspace(workspace)
-    database = access.database(plan.baseline)
+    database = access.flown_database(plan.baseline, plan.beside)
     function, names = METHODS[FLIES].load(), leg_parameters(database)
     wide = with_air_drag(database)
     rolls = recorded_rolls(rolled_flights(access, plan.flights, run), wide)
@@ -236,6 +270,7 @@ def close_loop_on_rolls(
         ],
     )
     document["rolls"] = proof.rolls
+    document |= _beside(access, plan)
     settings = {
         "library": library,
         "accepted": asdict(accept),
@@ -243,12 +278,14 @@ def close_loop_on_rolls(
         "held_out": list(plan.hold_out.held_out),
         "close_loop": RESULT_VERSION["close_loop"],
         "phase": "ground",
+        **_with(plan),
     }
     document |= {"by": user(), "derivatives": []}
     label = None
     if search.added:
         document["parameters"] = parameter_changes(database, candidate)
-        document = store_candidate(access, plan, candidate, document, settings, _WHY, run)
+        of_line = _of_line(access, plan, candidate)
+        document = store_candidate(access, plan, of_line, document, settings, _WHY, run)
         document.pop("check_cases", None)
         label = document["label"]
     return {
@@ -293,20 +330,23 @@ def _without_value(reasons: Mapping[str, str]) -> list[str]:
     return [f"{name} stays as it is: {reason}." for name, reason in reasons.items()]
 
 
-def rolls_alone(version: str, flights: Sequence[str], on_ground: bool, *, workspace: str) -> bool:
+def rolls_alone(
+    version: str, flights: Sequence[str], on_ground: bool, *, workspace: str, beside: str = ""
+) -> bool:
     """Return whether a closed loop of flights (ids) is of their rolls on the ground: because it is
-    asked to be (`on_ground`), or because none was ever airborne and the version has parameters of
-    legs.
+    asked to be (`on_ground`, or legs beside the version), or because none was ever airborne and the
+    version has parameters of legs.
 
-    Raises InputError where it is asked to be, and the version has none.
+    beside : as of `WorkspaceAccess.flown_database`. Raises InputError where it is asked to be, and
+    the version has none.
     """
     access = access_workspace(workspace)
     rows = [access.catalogue.flight(flight) for flight in flights]
     on_wheels = [NEVER_AIRBORNE in (remark.kind for remark in row.remarks) for row in rows]
-    if not on_ground and not all(on_wheels):
+    if not (on_ground or beside or all(on_wheels)):
         return False
-    names = leg_parameters(access.database(version))
-    if on_ground and not names:
+    names = leg_parameters(access.flown_database(version, beside))
+    if (on_ground or beside) and not names:
         raise InputError(
             "no parameter of the database acts on the ground alone",
             "close-loop --on-ground",

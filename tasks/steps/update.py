@@ -54,6 +54,8 @@ class UpdatePlan:
 
     left_out : flight -> its axes that contain a thrust that it lacks.
     method : by which an update estimates. select : conditions of the samples that count.
+    beside : id of the version of the other line that flies and rolls with the baseline; empty where
+        the baseline has both.
     """
 
     vehicle: str
@@ -65,6 +67,7 @@ class UpdatePlan:
     left_out: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     method: str = REGRESSION
     select: tuple[str, ...] = ()
+    beside: str = ""
 
     @property
     def flights(self) -> tuple[str, ...]:

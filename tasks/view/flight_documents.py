@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Final
 
 from aerodb.recording import Damage
 from aerodb.storage.catalogue import FlightRow, ResultRow
+from aerodb.tasks.result_versions import OF_FRICTION, RELEASED
 
 # A list of flights reads the catalogue alone, and does not wait for what reads files; a log that is
 # only inspected does not wait for the catalogue.
@@ -169,15 +170,19 @@ def roll_command(access: "WorkspaceAccess", row: FlightRow) -> str:
     from aerodb.simulation import flight_model
     from aerodb.storage.files import read_flight
 
-    released = access.named(row.vehicle, "released")
+    released = access.named(row.vehicle, RELEASED)
+    friction = access.named(row.vehicle, OF_FRICTION[RELEASED])
     database = access.database(released or versions[-1].id)
+    beside = "" if released else f" --baseline {versions[-1].label}"
+    if friction and not leg_parameters(database) and not database.legs_alone:
+        database = access.flown_database(released or versions[-1].id, friction)
+        beside += f" --with {OF_FRICTION[RELEASED]}"
     stored = [r for r in access.catalogue.results_of(row.id) if r.step == "ingest"]
-    if not stored or not leg_parameters(database):
+    if not stored or database.legs_alone or not leg_parameters(database):
         return ""
     flight = read_flight(access.file_of(stored[-1].path))
     if not all(name in flight for name in flight_model(database).inputs):
         return ""
-    beside = "" if released else f" --baseline {versions[-1].label}"
     return f"aerodb close-loop --vehicle {row.vehicle}{beside}"
 
 

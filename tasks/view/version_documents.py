@@ -6,7 +6,7 @@ from typing import Any
 from aerodb.increments import held_out_error
 from aerodb.report import hypothesis_words
 from aerodb.storage.catalogue import Catalogue, NameEvent, NoteRow, VersionRow
-from aerodb.tasks.result_versions import CANDIDATE, RELEASED
+from aerodb.tasks.result_versions import CANDIDATE, OF_FRICTION, RELEASED
 
 
 def version_document(row: VersionRow) -> dict[str, Any]:
@@ -115,15 +115,24 @@ def findings_words(document: dict[str, Any]) -> str:
 
 
 def waiting(catalogue: Catalogue, vehicle: str) -> VersionRow | None:
-    """Return the version of a vehicle that waits for a decision: its candidate, where it continues
-    the released version, is not stale and was never released itself; None where there is none."""
+    """Return the version of a vehicle that waits for a decision: the candidate of a line, where it
+    continues the released version, is not stale and was never released itself; None where there is
+    none. That of the aerodynamics comes first, then that of friction."""
+    lines = ((CANDIDATE, RELEASED), (OF_FRICTION[CANDIDATE], OF_FRICTION[RELEASED]))
+    found = (_waiting(catalogue, vehicle, *line) for line in lines)
+    return next((row for row in found if row is not None), None)
+
+
+def _waiting(
+    catalogue: Catalogue, vehicle: str, candidate_name: str, released_name: str
+) -> VersionRow | None:
     names = catalogue.names(vehicle)
-    candidate, released = names.get(CANDIDATE), names.get(RELEASED)
+    candidate, released = names.get(candidate_name), names.get(released_name)
     if candidate is None or candidate == released:
         return None
     row = catalogue.version_of_id(candidate)
     moves = catalogue.moves_to(vehicle, [candidate])
-    once = any(move.name == RELEASED for move in moves)
+    once = any(move.name == released_name for move in moves)
     ready = row.parent == released and not once and not catalogue.stale(candidate)
     return row if ready else None
 

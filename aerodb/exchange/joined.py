@@ -1,0 +1,75 @@
+"""Two files as one database: what another native text adds to a database, and the legs on which a
+vehicle rolls beside its aerodynamics."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from aerodb.errors import InputError
+from aerodb.exchange.native import entries, from_document, read_native, to_document
+from aerodb.exchange.native_schema import DatabaseFile
+from aerodb.support import validated
+from aerodb.tables import AeroDatabase, ReferenceGeometry
+
+
+def joined(database: AeroDatabase, text: str, where: str) -> AeroDatabase:
+    """Return a database with what another TOML text adds to it, such as the legs of its parts.
+
+    The text is as `read_native` takes it, in SI units, with the reference left out or the same; its
+    expressions may use what the database has. Raises InputError for another reference, and for a
+    name that both have.
+    """
+    added, document = entries(text, where), to_document(database)
+    reference = document["reference"]
+    told = validated(DatabaseFile, {"name": database.name, "reference": reference} | added, where)
+    if ReferenceGeometry(**dict(told.reference)) != database.reference:
+        raise InputError(
+            "another reference than that of the database",
+            f"{where}: [reference]",
+            "leave [reference] out: lengths and moment reference are those of the other file",
+        )
+    return _sum(document, added, where)
+
+
+def on_legs(air: AeroDatabase, legs: AeroDatabase) -> AeroDatabase:
+    """Return aerodynamics with the legs of another database (`AeroDatabase.legs_alone`), in SI
+    units.
+
+    Lengths and moment reference are those of the aerodynamics: the legs' loads follow from the
+    places of their parts. Raises InputError for a name that both have.
+    """
+    added = {k: v for k, v in to_document(legs).items() if k not in ("name", "reference")}
+    return _sum(to_document(air), added, f"{air.name} on {legs.name}")
+
+
+def read_legs(text: str, where: str, reference: ReferenceGeometry) -> AeroDatabase | None:
+    """Return the database of a TOML text without [reference] that has legs alone, with lengths [m]
+    and moment reference of the vehicle in its place; None for any other text.
+
+    Raises InputError as `read_native`.
+    """
+    added = entries(text, where)
+    if "reference" in added or not added.get("parts") or added.keys() & {"terms", "derivatives"}:
+        return None
+    lengths = {
+        "area": reference.area,
+        "chord": reference.chord,
+        "span": reference.span,
+        "moment_reference": reference.moment_reference,
+    }
+    database = read_native(text, where, lengths)
+    return database if database.legs_alone else None
+
+
+def _sum(document: dict[str, Any], added: Mapping[str, Any], where: str) -> AeroDatabase:
+    """The database of a document and of the keys of another."""
+    for key in ("free_inputs", "parameters", "parts", "variables", "tables", "scattered"):
+        both = sorted(document.get(key, {}).keys() & added.get(key, {}).keys())
+        if both:
+            raise InputError(
+                f"'{both[0]}' is in both files", f"{where}: [{key}]", "rename it in one of them"
+            )
+        document[key] = {**document.get(key, {}), **added.get(key, {})}
+    for key in ("terms", "states"):
+        document[key] = [*document.get(key, []), *added.get(key, [])]
+    document["derivatives"] = added.get("derivatives", {})
+    return from_document(document, where)
