@@ -22,6 +22,8 @@ from aerodb.tables import (
     Relay,
     StateModel,
     Variable,
+    number,
+    parse,
     substituted,
 )
 
@@ -48,11 +50,9 @@ def without_states(database: AeroDatabase) -> AeroDatabase:
         if not isinstance(state.law, Relay):
             name = state.name if state.name in flat.free_inputs else f"settled_{state.name}"
             free = {key: text for key, text in flat.free_inputs.items() if key != name}
-            steady, unit = (
-                (_steady_of_rate(flat, state.name, state.law), state.law.unit)
-                if isinstance(state.law, Rate)
-                else (state.expression(), "1")
-            )
+            steady, unit = _steady(flat, state), "1"
+            if isinstance(state.law, Rate):
+                unit = state.law.unit
             variables = {name: Variable(steady, unit, _note(state)), **flat.variables}
             if name != state.name and name in {
                 *flat.variables,
@@ -81,9 +81,29 @@ def settled_states(whole: AeroDatabase, carried: AeroDatabase) -> tuple[str, ...
     )
 
 
-def _steady_of_rate(database: AeroDatabase, name: str, law: Rate) -> Expression:
-    """The value at which a rate is zero, of one that is linear in its state: a/(a - b), of its
+def quickness(database: AeroDatabase, state: StateModel) -> Expression:
+    """Return the part of its distance to the steady value by which a state approaches it, [1/s].
+
+    Raises InputError for a rate that is not linear in its state.
+    """
+    if isinstance(state.law, Rate):
+        zero, one = _at_zero_and_one(database, state.name, state.law)
+        return Operation("-", zero, one)
+    assert not isinstance(state.law, Relay)
+    return parse(f"V/({number(state.law.relaxation)}*c_ref)")
+
+
+def _steady(database: AeroDatabase, state: StateModel) -> Expression:
+    """The value at which a state stands still; of a rate that is linear in it a/(a - b), of its
     values a and b at 0 and 1."""
+    if not isinstance(state.law, Rate):
+        return state.expression()
+    zero, one = _at_zero_and_one(database, state.name, state.law)
+    return Operation("/", zero, Operation("-", zero, one))
+
+
+def _at_zero_and_one(database: AeroDatabase, name: str, law: Rate) -> tuple[Expression, Expression]:
+    """A rate where its state is zero and one, of one that is linear in it."""
     own = law.rate
     for _ in range(len(database.variables)):
         by = {n: v.expression for n, v in database.variables.items() if n in own.names}
@@ -106,7 +126,7 @@ def _steady_of_rate(database: AeroDatabase, name: str, law: Rate) -> Expression:
             f"database {database.name}: states.{name} rate",
             "export a version in which a free input takes its place",
         )
-    return Operation("/", zero, Operation("-", zero, one))
+    return zero, one
 
 
 def _reaches(database: AeroDatabase, variable: str, name: str) -> bool:

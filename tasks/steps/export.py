@@ -62,7 +62,7 @@ class Form:
     file. read : (file, name) -> database. receive : runs the receiving program, where it is
     installed, under the workspace's limits, and returns its verdict in one sentence; InputError if
     it disagrees.
-    carried : reduces the database to what the format can carry (no states). project : makes of it
+    carried : reduces the database to what the format can carry. project : makes of it
     the model of the format, with the vehicle's surfaces; what that cannot hold is told.
     """
 
@@ -110,11 +110,11 @@ def _model_of(data: bytes, name: str) -> AeroDatabase:
 #: Formats by the name that users give; an entry per exporter of `aerodb.exchange`.
 FORMS: Final[dict[str, Form]] = {
     "jsbsim": Form(
-        jsbsim_check_cases,
+        lambda database: jsbsim_check_cases(states_for_jsbsim(database)),
         _jsbsim,
         lambda data, name: import_jsbsim(data, name=name),
-        _in_jsbsim,
-        lambda database: states_for_jsbsim(over_dynamic_pressure(database)),
+        lambda database, *given: _in_jsbsim(states_for_jsbsim(database), *given),
+        over_dynamic_pressure,
     ),
     "csv": Form(
         make_check_cases,

@@ -12,7 +12,8 @@ Reading: `metrics` parses the XML, `reader` builds the database, `functions`, `o
 Writing: `export` builds the file, `mass_balance` its mass, `writing` its functions and `elements`
 its XML elements; `merge` joins it with an aircraft.
 
-`properties` maps JSBSim properties to channels, both ways; `relays` gives its one relay a state.
+`properties` maps JSBSim properties to channels, both ways; `states` runs relays and states with
+memory.
 """
 
 from typing import TYPE_CHECKING
@@ -26,6 +27,6 @@ if TYPE_CHECKING:
     from .merge import merge_jsbsim
     from .properties import described_property, property_expression, property_unit
     from .reader import import_jsbsim
-    from .relays import states_for_jsbsim
+    from .states import states_for_jsbsim
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -27,7 +27,7 @@ from aerodb.exchange.jsbsim.properties import (
     described_property,
     hysteresis_limits,
 )
-from aerodb.exchange.jsbsim.relays import states_for_jsbsim
+from aerodb.exchange.jsbsim.states import Memory, memory_channel, with_memories
 from aerodb.exchange.jsbsim.writing import FunctionWriter, channel_property
 from aerodb.nomenclature import CHANNELS, axis_description, channel, is_hinge_axis
 from aerodb.tables import (
@@ -35,6 +35,7 @@ from aerodb.tables import (
     WIND_AXES,
     AeroDatabase,
     CheckCase,
+    Name,
     ReferenceGeometry,
     Term,
     coefficient_axis,
@@ -98,20 +99,24 @@ def export_jsbsim(
     rule, without their covariance. Force terms remain in wind axes if all of them are; otherwise
     all forces are written in body axes. A channel or free input without a JSBSim property becomes a
     property below ``aerodb/`` that the user sets; it is 0 at first and is listed in the file. A
-    relay becomes the one that JSBSim runs itself; any other state becomes its steady value.
+    relay becomes the one that JSBSim runs itself. A system of the file runs states with memory,
+    from their steady values on (`memory_channel`).
 
     Raises InputError for an expression that has no equivalent in JSBSim.
     """
-    plain = with_increments_as_terms(states_for_jsbsim(database))
-    writer = FunctionWriter(plain, free_properties(plain))
+    whole, paths, memories = with_memories(database)
+    plain = with_increments_as_terms(whole)
+    writer = FunctionWriter(plain, free_properties(plain) | paths)
     axes = _axes(plain, writer)
+    for memory in memories:
+        writer.write(Name(memory.quick))
     root = node(
         "fdm_config",
         _header(database),
         _metrics(plain.reference),
         mass_balance(mass, plain.reference.moment_reference),
         node("ground_reactions"),
-        _declarations(writer),
+        _declarations(writer, memories),
         node(
             "aerodynamics",
             *_statements(database, writer),
@@ -169,8 +174,8 @@ def _metrics(reference: ReferenceGeometry) -> Element:
     return node("metrics", *elements, location(reference.moment_reference, "AERORP"))
 
 
-def _declarations(writer: FunctionWriter) -> Element:
-    """Declare the properties that nothing else creates.
+def _declarations(writer: FunctionWriter, memories: Sequence[Memory]) -> Element:
+    """Declare the properties that nothing else creates, and run states with memory.
 
     They are in a system, because a property in the aerodynamics is a constant.
     """
@@ -178,6 +183,7 @@ def _declarations(writer: FunctionWriter) -> Element:
     return node(
         "system",
         *[node("property", text=path, value="0.0") for path in paths],
+        *([memory_channel(memories)] if memories else []),
         name=INPUTS,
     )
 

@@ -43,11 +43,13 @@ WING_ALPHA: Final = "aero/alpha-wing-rad"
 WING_INCIDENCE: Final = "metrics/iw-rad"
 
 #: Properties that exports create: channels without a JSBSim property, free inputs and variables of
-#: a database.
+#: a database, its states with memory, and 1 while time passes.
 OWN_CHANNEL: Final = "aerodb/channel/"
 OWN_FREE: Final = "aerodb/free/"
 OWN_VARIABLE: Final = "aerodb/variable/"
 OWN_ARGUMENT: Final = "aerodb/argument/"
+OWN_STATE: Final = "aerodb/state/"
+TIME_PASSES: Final = "aerodb/time-passes"
 
 #: Property -> expression of channels and the constants S_ref c_ref b_ref, in JSBSim's unit.
 PROPERTIES: Final[dict[str, str]] = {

@@ -27,8 +27,10 @@ from aerodb.exchange.jsbsim.properties import (
     INCH,
     LIFT_SQUARED,
     OWN_CHANNEL,
+    OWN_STATE,
     PROPERTIES,
     STALL_HYSTERESIS,
+    TIME_PASSES,
     WING_ALPHA,
     WING_INCIDENCE,
     height_of_reference_point,
@@ -401,6 +403,8 @@ class _AircraftReader:
             return f"alpha + {self._constants.get(WING_INCIDENCE, 0.0)!r}".replace("+ -", "- ")
         if name == STALL_HYSTERESIS and not self._hysteresis:
             return "0"  # without limits JSBSim never switches it
+        if name == TIME_PASSES or name.startswith(OWN_STATE):
+            return "0"  # states of an export are read as their steady values
         own = name.removeprefix(OWN_CHANNEL)
         if own != name:
             try:

@@ -16,7 +16,7 @@ from aerodb.exchange.daveml.export import export_daveml
 from aerodb.exchange.daveml.reader import import_daveml
 from aerodb.exchange.jsbsim.export import export_jsbsim
 from aerodb.exchange.jsbsim.reader import import_jsbsim
-from aerodb.exchange.jsbsim.relays import states_for_jsbsim
+from aerodb.exchange.jsbsim.states import states_for_jsbsim
 from aerodb.exchange.native import database_content_sha256, from_document, read_native, to_document
 from aerodb.exchange.state_terms import settled_states, without_states
 from aerodb.flight import Flight
