@@ -102,7 +102,7 @@ def configure_prefect(root: Path) -> Literal["server", "ephemeral"]:
     os.environ["PREFECT_API_AUTH_STRING"] = os.environ["PREFECT_SERVER_API_AUTH_STRING"] = secret
     end_orphans(root)
     os.environ |= owner_of(root)
-    os.environ["PREFECT_API_URL"] = running_server() or start_server(home)
+    os.environ["PREFECT_API_URL"] = running_server() or start_server()
     return "ephemeral"
 
 

@@ -37,6 +37,8 @@ _CURRENT: Final = {
     "PREFECT_API_DATABASE_MIGRATE_ON_START": "false",
     "PREFECT_API_BLOCKS_REGISTER_ON_START": "false",
 }
+#: What names another database than that in PREFECT_HOME: the server makes and updates that one.
+_ELSEWHERE: Final = ("PREFECT_API_DATABASE_CONNECTION_URL", "PREFECT_SERVER_DATABASE_CONNECTION_URL")
 #: Wait [s] of a client whose request met a transaction of another: they last milliseconds.
 _BUSY_SECONDS: Final = 0.2
 #: Longest wait [s] for the server to end by itself.
@@ -61,13 +63,14 @@ def running_secret() -> str:
     return _secret if running_server() else ""
 
 
-def start_server(home: Path) -> str:
-    """Start this process's server with its files in `home`, and return its URL at once: requests
-    wait until it answers. Its other settings are those of the environment."""
+def start_server() -> str:
+    """Start this process's server, and return its URL at once: requests wait until it answers.
+    Its settings are those of the environment, its files in PREFECT_HOME."""
     global _started, _secret
-    database = home / "prefect.db"
+    database = Path(os.environ["PREFECT_HOME"]) / "prefect.db"
     place_database(database)
-    known = _CURRENT if _revision(database) == _revision(_template()) != "" else {}
+    own = os.environ.keys().isdisjoint(_ELSEWHERE)
+    known = _CURRENT if own and _revision(database) == _revision(_template()) != "" else {}
     url, process = _launched({**known, **os.environ})
     _started = (url, process, os.getpid())
     _secret = os.environ.get("PREFECT_SERVER_API_AUTH_STRING", "")

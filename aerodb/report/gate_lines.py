@@ -15,6 +15,11 @@ from aerodb.report.terms import term_unit
 from aerodb.support import counted
 from aerodb.units import UnitSystem
 
+#: Label of a check -> its numbers in words, and their unit: those that measures do not say.
+_SAID: Final[Mapping[str, tuple[str, str]]] = {
+    "derivatives": ("{} changes by", "%"),
+    "repeatability": ("rms error of {} grows by", ""),
+}
 #: Most changes and open points that a line names.
 _MOST: Final = 4
 
@@ -40,7 +45,7 @@ def gate_rows(checks: Iterable[Mapping[str, Any]]) -> list[GateRow]:
     rows = []
     for check in checks:
         told = check.get("not_judged")
-        found, limit = (told, "") if told else _measured(check["measures"])
+        found, limit = (told, "") if told else _measured(check["label"], check["measures"])
         rows.append(
             GateRow(
                 check["label"],
@@ -163,22 +168,45 @@ def _sum(checks: Iterable[Mapping[str, Any]]) -> str:
     return f"{sum(c['passed'] for c in held)} of {sum(c['manoeuvres'] for c in held)}"
 
 
-def _measured(measures: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
-    """Return what a check found, and its limit: of several measures that are held to a limit, the
-    one that is nearest to it."""
+def _measured(label: str, measures: Sequence[Mapping[str, Any]]) -> tuple[str, str]:
+    """Return what the check of this label found, and its limit: of several measures that are held
+    to a limit, the one that is nearest to it."""
     plain = [each for each in measures if each["limit"] is None and each["before"] is None]
     held = [each for each in measures if each["limit"] is not None]
-    words = [f"{each['of']} {each['value']:.3g}" for each in plain]
+    words = [_found(label, each) for each in plain]
     if not held:
         return ", ".join(words), ""
     worst = min(held, key=_room)
-    shown = f"{worst['value']:.3g} {worst['unit']}".rstrip()
-    if worst["before"] is not None:
-        shown = f"{worst['before']:.3g} -> {shown}"
-    words.append(f"{worst['of']} {shown}")
-    fall = worst["before"] is not None and worst["limit"] == worst["before"]
-    limit = "must fall" if fall else f"{worst['bound']} {worst['limit']:.3g}"
-    return ", ".join(words), limit
+    words.append(_found(label, worst))
+    if worst["before"] is not None and worst["limit"] == worst["before"]:
+        return ", ".join(words), "must fall"
+    if not worst["limit"]:
+        return ", ".join(words), "none"
+    return ", ".join(words), f"{worst['bound']} {_shown(label, worst['limit'])}"
+
+
+def _found(label: str, measure: Mapping[str, Any]) -> str:
+    """Return a measure of the check of this label in words: counts stand before what they count.
+
+    >>> _found("content", {"of": "unusual properties", "value": 0, "before": None, "unit": ""})
+    '0 unusual properties'
+    >>> _found("derivatives", {"of": "CZ_alpha", "value": 0.107, "before": None, "unit": ""})
+    'CZ_alpha changes by 10.7 %'
+    """
+    of, value = measure["of"], measure["value"]
+    if isinstance(value, int):
+        return f"{value} {of}"
+    shown = f"{_shown(label, value)} {measure['unit']}".rstrip()
+    if measure["before"] is not None:
+        shown = f"{_shown(label, measure['before'])} -> {shown}"
+    return f"{_SAID.get(label, ('{}', ''))[0].format(of)} {shown}"
+
+
+def _shown(label: str, value: float) -> str:
+    """Return a number of the check of this label with the unit that the check gives it."""
+    if _SAID.get(label, ("", ""))[1] == "%":
+        return f"{100.0 * value:.3g} %"
+    return f"{value:.3g}"
 
 
 def _room(measure: Mapping[str, Any]) -> float:

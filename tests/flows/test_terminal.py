@@ -316,8 +316,8 @@ def test_the_gate_says_what_a_person_would_have_to_accept(
     worst = max(failed["measures"], key=lambda measure: measure["value"])
     row = next(k for k, line in enumerate(lines) if line.strip().startswith("FAIL"))
     assert lines[row].split()[1] == failed["label"] == "derivatives"
-    assert f"{worst['of']} {worst['value']:.3g}" in lines[row]
-    assert lines[row].endswith("at most 0.0001")
+    assert f"{worst['of']} changes by {100 * worst['value']:.3g} %" in lines[row]
+    assert lines[row].endswith("at most 0.01 %")
     assert lines[row + 1].strip()[:40] == failed["reasons"][0][:40]
     assert on_terminal(workspace, 100, *gate, *accept)[0] == 0
     moved = asked(workspace, "version", "promote", "candidate", *accept, "--reason", "small ones")

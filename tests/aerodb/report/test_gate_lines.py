@@ -25,11 +25,11 @@ def gate(*checks: dict[str, Any], notes: tuple[str, ...] = ()) -> dict[str, Any]
     ("measures", "found", "limit"),
     [
         ([], "", ""),
-        ([measure(25, None, of="cases"), measure(0, 0)], "cases 25, values 0", "at most 0"),
+        ([measure(25, None, of="cases"), measure(0, 0)], "25 cases, 0 values", "none"),
         ([measure(0.1, 0.5), measure(0.4, 0.5, of="near")], "near 0.4", "at most 0.5"),
         (
             [measure(5, 6, bound="at least"), measure(3, 9, bound="at least", of="few")],
-            "few 3",
+            "3 few",
             "at least 9",
         ),
         (
