@@ -38,7 +38,10 @@ _CURRENT: Final = {
     "PREFECT_API_BLOCKS_REGISTER_ON_START": "false",
 }
 #: What names another database than that in PREFECT_HOME: the server makes and updates that one.
-_ELSEWHERE: Final = ("PREFECT_API_DATABASE_CONNECTION_URL", "PREFECT_SERVER_DATABASE_CONNECTION_URL")
+_ELSEWHERE: Final = (
+    "PREFECT_API_DATABASE_CONNECTION_URL",
+    "PREFECT_SERVER_DATABASE_CONNECTION_URL",
+)
 #: Wait [s] of a client whose request met a transaction of another: they last milliseconds.
 _BUSY_SECONDS: Final = 0.2
 #: Longest wait [s] for the server to end by itself.

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from functools import partial
 from typing import Any, Final
@@ -80,7 +80,8 @@ class FlightStory:
 
 def flight_report(story: FlightStory) -> Iterator[str]:
     """Return the report of a flight as one HTML page in pieces (`pieces`), in display units
-    (`channel_scale`: degrees for radians); it fetches nothing."""
+    (`channel_scale`: degrees for radians), with times from its first sample; it fetches nothing."""
+    zero, story = float(story.flight.time[0]), _from_first_sample(story)
     flight, names = story.flight, shown_channels(story.flight)
     span = f"{flight.time[-1] - flight.time[0]:.1f} s at {1 / flight.step:.4g} Hz"
     histories = [
@@ -113,7 +114,8 @@ def flight_report(story: FlightStory) -> Iterator[str]:
         title=f"Flight {story.label}",
         head=story.head,
         story=story,
-        says=verdict_sentence(story.verdict, story.remarks, story.consistency),
+        says=verdict_sentences(story.verdict, story.remarks, story.consistency),
+        zero=zero,
         activity=_activity(story),
         segments=_listed(story.segments),
         more_segments=max(0, len(story.segments) - _MOST_SEGMENTS),
@@ -128,11 +130,26 @@ def flight_report(story: FlightStory) -> Iterator[str]:
     )
 
 
-def verdict_sentence(
+def _from_first_sample(story: FlightStory) -> FlightStory:
+    """Return it with the times that all pages of a flight have: [s] from its first sample."""
+    zero = float(story.flight.time[0])
+    compared = story.comparison
+    return replace(
+        story,
+        measured=replace(story.measured, time=story.measured.time - zero),
+        flight=replace(story.flight, time=story.flight.time - zero),
+        comparison=compared and replace(compared, time=compared.time - zero),
+        segments=[
+            replace(each, start=each.start - zero, end=each.end - zero) for each in story.segments
+        ],
+    )
+
+
+def verdict_sentences(
     verdict: str, remarks: Sequence[Remark], consistency: Mapping[str, Any] | None
-) -> str:
-    """Return the verdict in a sentence (docs/reference/conventions.md, section Consistency
-    verdicts): what the flight can be used for, why not for more, its consistency.
+) -> tuple[str, str]:
+    """Return the verdict (docs/reference/conventions.md, section Consistency verdicts): what the
+    flight can be used for and why not for more, and its consistency; empty where none was checked.
 
     What is only suspected takes nothing away from it. Errors are in display units.
     """
@@ -144,10 +161,10 @@ def verdict_sentence(
         entry for entry in channels if entry["limit"] is not None and math.isfinite(entry["limit"])
     ]
     if not checked:
-        return sentence
+        return sentence, ""
     beyond = [entry["channel"] for entry in checked if entry["verdict"] != "good"]
     if beyond:
-        return f"{sentence} Outside their limits: {', '.join(beyond)}."
+        return sentence, f"Outside their limits: {', '.join(beyond)}."
     closest = max(checked, key=lambda entry: entry["after"] / entry["limit"])
     factor, unit = for_people(sensor_error_unit(closest["channel"]))
     after, limit = number(factor * closest["after"], 2), number(factor * closest["limit"], 2)
@@ -157,9 +174,9 @@ def verdict_sentence(
         if len(checked) > 1
         else "The one channel with a limit is consistent"
     )
-    return (
-        f"{sentence} {count} with the reconstructed motion; {closest['channel']} is closest to its"
-        f" limit ({after} of {limit} {unit}{gusts})."
+    return sentence, (
+        f"{count} with the reconstructed motion; {closest['channel']} is closest to its limit"
+        f" ({after} of {limit} {unit}{gusts})."
     )
 
 

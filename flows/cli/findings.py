@@ -40,10 +40,17 @@ def say_repeats(session: Session, repeats: Sequence[Mapping[str, Any]], indent: 
         session.say(f"{indent}a repeated flight: stored, but left out of updates ({remedy})")
 
 
-def say_segments(session: Session, segments: Sequence[Mapping[str, Any]]) -> None:
-    """Print a table of the flight's segments."""
+def say_segments(
+    session: Session, segments: Sequence[Mapping[str, Any]], zero: float = 0.0
+) -> None:
+    """Print a table of the flight's segments, with times from `zero` [s] of the log's clock."""
     rows = [
-        [f"{s['start']:.2f}", f"{s['end']:.2f}", s["kind"].replace("_", " "), s["reason"]]
+        [
+            f"{s['start'] - zero:.2f}",
+            f"{s['end'] - zero:.2f}",
+            s["kind"].replace("_", " "),
+            s["reason"],
+        ]
         for s in segments[:_LISTED]
     ]
     if rows:
@@ -62,15 +69,16 @@ def segments_words(segments: Sequence[Mapping[str, Any]]) -> str:
     return ", ".join(f"{kind} {n} times" if n > 1 else kind for kind, n in counts.items())
 
 
-def say_rolls(session: Session, rolls: Sequence[Mapping[str, Any]]) -> None:
-    """Print where rolls on the ground stand still, and how each phase of them slows down."""
+def say_rolls(session: Session, rolls: Sequence[Mapping[str, Any]], zero: float) -> None:
+    """Print where rolls on the ground stand still, and how each phase of them slows down, with
+    times from `zero` [s] of the log's clock."""
     for roll in rolls:
         seen = f"{roll['time']:.1f} s and {roll['distance']:.0f} m"
         ends = f"stands still after {seen}" if roll["stands"] else f"still rolls after {seen}"
-        session.say(f"roll at {roll['start']:.1f} s: {ends}")
+        session.say(f"roll at {roll['start'] - zero:.1f} s: {ends}")
         for each in roll["phases"]:
             session.say(
-                f"  {each['start']:.1f} to {each['end']:.1f} s, {each['fast']:.1f} to"
+                f"  {each['start'] - zero:.1f} to {each['end'] - zero:.1f} s, {each['fast']:.1f} to"
                 f" {each['slow']:.1f} m/s: slows down by"
                 f" {plus_minus(each['effective'], each['standard_error'], 3)} g"
             )

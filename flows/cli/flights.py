@@ -1,12 +1,13 @@
 """``aerodb flight``: ingest logs, list, show, compare and retract flights."""
 
 from collections import Counter
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Final
 
 import typer
 
-from aerodb.errors import InputError
+from aerodb.errors import AeroError, InputError
 from aerodb.flows.cli.comparing import compare
 from aerodb.flows.cli.consistency import say_consistency
 from aerodb.flows.cli.findings import (
@@ -171,7 +172,7 @@ def show(
 
     Example: aerodb flight show 1a2b3c -v
     """
-    from aerodb.tasks.view import flight_details, step_words
+    from aerodb.tasks.view import flight_details, record_of, step_words
     from aerodb.tasks.workspace_access import WorkspaceAccess
 
     session: Session = context.obj
@@ -196,12 +197,17 @@ def show(
     say_damage(session, log.damage if log else (), "  damage")
     say_repeats(session, document["repeats"])
     say_suspicions(session, document["suspicions"])
+    zero = 0.0
+    if verbose or document["rolls"]:
+        with suppress(AeroError):  # a lost file: times of the log's clock
+            zero = record_of(WorkspaceAccess(session.workspace(), catalogue), row).start
+            session.say(f"time zero: first sample, at {zero:.3f} s on the log's clock")
     if verbose:
-        say_segments(session, document["segments"])
+        say_segments(session, document["segments"], zero)
         say_delays(session, document["delays"])
     elif flown := segments_words(document["segments"]):
         session.say(f"flown: {flown}")
-    say_rolls(session, document["rolls"])
+    say_rolls(session, document["rolls"], zero)
     if document["consistency"] is not None:
         say_consistency(session, document["consistency"], verbose=verbose)
     if verbose:

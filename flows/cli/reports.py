@@ -46,12 +46,16 @@ def flight(
 
     Example: aerodb report flight 1a2b3c --output flight.html
     """
+    from aerodb.report import reasons_in_units
+    from aerodb.tasks.view import flight_document
+
     session: Session = context.obj
     catalogue = session.catalogue()
     row = catalogue.flight(flight, vehicle)
     nothing_yet = against == "released" and catalogue.named(row.vehicle, against) is None
     version = "" if nothing_yet else catalogue.version(row.vehicle, against).id
     name = catalogue.flight_labels([row.id])[row.id]
+    why = reasons_in_units(flight_document(row), session.units)
     _write(
         session,
         {"kind": "flight", "about": row.id, "version": version},
@@ -59,6 +63,7 @@ def flight(
         pdf,
         f"{row.vehicle}: report of {name}",
         f"aerodb flight show {row.id[:12]} --vehicle {row.vehicle}",
+        [("verdict", f"{row.verdict}{f': {session.fitting(why[0], 22)}' if why else ''}")],
     )
 
 

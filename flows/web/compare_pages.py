@@ -25,9 +25,9 @@ def compare_page(
 ) -> Response:
     """Curves of two versions over one input, with sliders for all others."""
     access, chosen, lines = access_of(request), [], dict[str, dict[str, Any]]()
-    beyond: list[str] = []
+    rows, beyond = list[VersionRow](), list[str]()
     for reference in (before, after) if before and after else ():
-        row = version_at(access, reference, vehicle)
+        rows.append(row := version_at(access, reference, vehicle))
         database = database_of(access.catalogue, row)
         chosen.append({"id": row.id, "label": row.label, "inputs": list(database.inputs)})
         beyond += [f"{row.label}, {each}" for each in beyond_words(database.increments)]
@@ -43,7 +43,7 @@ def compare_page(
         versions=chosen,
         beyond=beyond,
         lines=[_with_reach(line) for line in lines.values()],
-        asked=(before, after, vehicle),
+        asked=_called(*rows) if rows else (before, after, vehicle),
     )
 
 

@@ -89,8 +89,9 @@ def impact_page(request: Request, flight: str, vehicle: Vehicle = None) -> Respo
         id: version.label
         for id, version in access.catalogue.versions_by_id(use.through for use in uses).items()
     }
-    shown = {"row": row, "uses": uses, "through": through, "pointed": pointed}
-    return page_of(request, "impact.html", f"Versions based on flight {row.label}", **shown)
+    label = access.catalogue.flight_labels([row.id])[row.id]
+    shown = {"row": row, "label": label, "uses": uses, "through": through, "pointed": pointed}
+    return page_of(request, "impact.html", f"Versions based on {label}", **shown)
 
 
 @router.get("/api/flights/{flight}/impact", summary="Versions based on a flight")

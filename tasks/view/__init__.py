@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from .flight_documents import (
         damage_document,
         flight_details,
+        flight_document,
         flights_document,
         roll_command,
         step_words,

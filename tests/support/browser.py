@@ -47,6 +47,20 @@ CUT = """() => [...document.querySelectorAll('main *, header *, footer *')].filt
   if (e.closest('.scroll, .plot, svg, details:not([open])') || e.matches('input, select, textarea, option')) return false;
   return e.clientWidth > 0 && e.scrollWidth > e.clientWidth + 1 && style.display !== 'inline' && !e.matches('figcaption');
 }).map((e) => `${e.tagName}.${e.className}: ${e.textContent.trim().slice(0, 80)}`)"""
+#: Names of rows that are broken within a word, but for words that are longer than any of ours, and
+#: captions of which a part is out of sight.
+SQUEEZED = """() => {
+  const text = (e) => { const whole = document.createRange(); whole.selectNodeContents(e); return whole; };
+  const lines = (e) => new Set([...text(e).getClientRects()].map((box) => Math.round(box.bottom / 8))).size;
+  const broken = (e) => {
+    const words = e.textContent.trim().split(/[^\\p{L}\\p{N}.]+/u);
+    return words.every((word) => word.length <= 24) && lines(e) > words.length + 1;
+  };
+  const hidden = (e) => text(e).getBoundingClientRect().right > e.closest('.scroll').getBoundingClientRect().right + 1;
+  const seen = (what) => [...document.querySelectorAll(what)].filter((e) => e.offsetParent);
+  return [...seen('main tbody th').filter(broken), ...seen('main .scroll caption, main .scroll figcaption').filter(hidden)]
+    .map((e) => `${e.tagName}: ${e.textContent.trim().slice(0, 80)}`);
+}"""
 #: Pairs of controls that lie on one another.
 OVERLAPS = """() => {
   const seen = [...document.querySelectorAll('main a, main button, main input:not([type=hidden]), main select, main h2, nav a')]
@@ -168,5 +182,8 @@ def look(page: Any, path: str, width: int, options: dict[str, Any] = _ALL) -> No
         page.screenshot(path=f"{folder}/{width}{path.replace('/', '_')[:60]}.png", full_page=True)
     wide = "document.documentElement.scrollWidth - document.documentElement.clientWidth"
     assert page.evaluate(wide) <= 0, path
-    for found in (page.evaluate(CUT), page.evaluate(OVERLAPS), barriers(page, options)):
+    for each in (CUT, SQUEEZED, OVERLAPS):
+        found = page.evaluate(each)
         assert found == [], (path, width, found)
+    found = barriers(page, options)
+    assert found == [], (path, width, found)

@@ -43,6 +43,7 @@
     if (named[query.get("over")]) field("over").value = query.get("over");
     ends();
     for (const name of ["low", "high"]) if (query.get(name)) field(name).value = query.get(name);
+    document.querySelector(".sliders").closest("details").open = Boolean(query.get("at"));
     for (const pair of (query.get("at") || "").split(",")) {
       const [name, value] = pair.split("=");
       if (named[name] && value !== "") set(named[name], Number(value));

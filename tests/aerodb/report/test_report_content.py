@@ -30,7 +30,7 @@ from aerodb.report.flight_figures import (
     envelope_figure,
     segment_figure,
 )
-from aerodb.report.flight_page import FlightStory, flight_report, verdict_sentence
+from aerodb.report.flight_page import FlightStory, flight_report, verdict_sentences
 from aerodb.report.numbers import number
 from aerodb.report.style import Picture
 from aerodb.report.update_figures import error_figure, residual_figure, voter
@@ -170,21 +170,20 @@ def test_a_curve_of_a_database_goes_through_its_breakpoints() -> None:
     assert np.allclose(marks.get_ydata(), [0.6, 0.3, 0.0, -0.3, -0.6, -0.8])
 
 
-def test_the_verdict_in_one_sentence() -> None:
+def test_the_verdict_and_the_consistency_are_a_sentence_each() -> None:
     channels = [
         {"channel": "alpha", "after": np.deg2rad(0.4), "limit": np.deg2rad(0.5)},
         {"channel": "V", "after": 0.1, "limit": 1.0},
         {"channel": "velocity_down", "after": 9.0, "limit": float("nan")},
     ]
     channels = [{**channel, "verdict": "good"} for channel in channels]
-    said = verdict_sentence("good", [], {"channels": channels})
-    assert (
-        said
-        == "The flight can be used for identification and validation. All 2 channels with a limit"
-        " are consistent with the reconstructed motion; alpha is closest to its limit (0.4 of 0.5"
-        " deg)."
+    said = verdict_sentences("good", [], {"channels": channels})
+    assert said == (
+        "The flight can be used for identification and validation.",
+        "All 2 channels with a limit are consistent with the reconstructed motion; alpha is closest"
+        " to its limit (0.4 of 0.5 deg).",
     )
-    limited = verdict_sentence(
+    limited = verdict_sentences(
         "limited",
         [
             Remark(MOVING_AIR, text="gusts: V 0.4"),
@@ -192,31 +191,32 @@ def test_the_verdict_in_one_sentence() -> None:
         ],
         {"channels": channels[1:]},
     )
-    assert limited.startswith(
-        "The flight can be used with limitations: turbulence. The one channel with a limit is"
-        " consistent"
-    )
+    assert limited[0] == "The flight can be used with limitations: turbulence."
+    assert limited[1].startswith("The one channel with a limit is consistent")
     beyond = [{**channels[0], "after": np.deg2rad(0.6), "verdict": "limited"}, channels[1]]
-    assert (
-        verdict_sentence("rejected", [Remark(SAID, text="qbar fails")], {"channels": beyond})
-        == "The flight is stored but not used for identification: qbar fails. Outside their"
-        " limits: alpha."
+    assert verdict_sentences(
+        "rejected", [Remark(SAID, text="qbar fails")], {"channels": beyond}
+    ) == (
+        "The flight is stored but not used for identification: qbar fails.",
+        "Outside their limits: alpha.",
     )
-    assert (
-        verdict_sentence("unchecked", [], None)
-        == "The kinematic consistency of the flight has not been checked."
+    assert verdict_sentences("unchecked", [], None) == (
+        "The kinematic consistency of the flight has not been checked.",
+        "",
     )
-    contradicts = verdict_sentence(
+    contradicts = verdict_sentences(
         "limited", [Remark(CONTRADICTS, ("v0001", "CZ"), text="lift is 0")], None
     )
-    assert contradicts.endswith("with limitations: it contradicts version v0001.")
-    suspected = verdict_sentence("good", [Remark(SUSPECTED, ("v0001", "Ixx"), text="a mass")], None)
-    assert suspected == verdict_sentence("good", [], None)
+    assert contradicts[0].endswith("with limitations: it contradicts version v0001.")
+    suspected = verdict_sentences(
+        "good", [Remark(SUSPECTED, ("v0001", "Ixx"), text="a mass")], None
+    )
+    assert suspected == verdict_sentences("good", [], None)
 
 
 def test_a_channel_whose_gusts_were_left_out_is_not_outside_its_limit() -> None:
     gusts = {"channel": "beta", "after": np.deg2rad(0.51), "limit": np.deg2rad(0.5)}
-    said = verdict_sentence("good", [], {"channels": [{**gusts, "verdict": "good"}]})
+    _, said = verdict_sentences("good", [], {"channels": [{**gusts, "verdict": "good"}]})
     assert "is consistent" in said
     assert "beta is closest to its limit (0.51 of 0.5 deg, gusts included)" in said
 
@@ -425,6 +425,14 @@ def test_a_flights_segments_and_suspicions_are_told(flown: Flight) -> None:
         tree.xpath("//ul[@class='notice']/li")[0]
         .text_content()
         .startswith("Suspicion: alpha looks turned round <script>")
+    )
+    later = replace(flown, time=flown.time + 48.5)
+    moved = [replace(each, start=each.start + 48.5, end=each.end + 48.5) for each in segments]
+    tree = checked(flight_report(flight_story(later, measured=later, segments=moved)))
+    again = tree.xpath("//details[contains(., 'Segments (2)')]//tbody/tr")
+    assert [row.text_content() for row in again] == [row.text_content() for row in rows]
+    assert "at 48.500 s on the log's clock" in tree.text_content(), (
+        "times count from the first sample"
     )
     bare = checked(flight_report(flight_story(flown)))
     assert not bare.xpath("//h2[.='Flight segments']")

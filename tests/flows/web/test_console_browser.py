@@ -15,7 +15,7 @@ from aerodb.tasks.view.finding_documents import findings_page
 from aerodb.tasks.workspace_access import access_workspace
 from tests.aerodb.increments.test_measured_update import LEFT_OUT
 from tests.flows.web.test_console import pages
-from tests.support.browser import barriers, look, look_everywhere, visit, watched
+from tests.support.browser import SQUEEZED, barriers, look, look_everywhere, visit, watched
 from tests.support.catalogue_samples import h
 from tests.support.command import asked
 from tests.support.console_workspace import Made, add_long_flight, made_workspace, served
@@ -60,6 +60,16 @@ def test_the_checks_see_what_is_wrong(browser: Any, address: str) -> None:
             "document.documentElement.scrollWidth > document.documentElement.clientWidth"
         )
         assert {"label", "color-contrast", "select-name"} & {rule for rule, _, _ in barriers(page)}
+    with watched(browser, address, 400) as page:
+        visit(page, address, "/work")
+        assert page.evaluate(SQUEEZED) == []
+        page.evaluate("""() => {
+          const name = document.querySelector('main tbody th'), caption = document.querySelector('main caption');
+          name.textContent = 'longest name'; name.style.overflowWrap = 'anywhere';
+          name.style.display = 'block'; name.style.width = '1rem'; name.style.minWidth = '0';
+          caption.textContent = caption.textContent.repeat(9); caption.style.maxWidth = 'none';
+        }""")
+        assert [found.split(":")[0] for found in page.evaluate(SQUEEZED)] == ["TH", "CAPTION"]
     with pytest.raises(AssertionError, match="wrong"):
         _complain(browser, address)
 
@@ -168,6 +178,7 @@ def test_two_versions_are_drawn_side_by_side_while_other_inputs_are_moved(
         page.wait_for_selector("#compare[data-shown^='alpha']")
         assert page.locator("#curves figure").count() == 6
         before = page.evaluate(curves)
+        page.click("main summary >> text=other inputs")
         page.focus("#at-delta_elevator")
         page.keyboard.press("End")
         page.wait_for_function(f"(before) => ({curves})()[4] !== before[4]", arg=before)

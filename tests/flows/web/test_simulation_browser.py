@@ -122,6 +122,7 @@ def test_two_versions_stand_side_by_side_with_bands_while_others_are_moved(
         page.emulate_media(color_scheme="light")
         page.wait_for_function(f"(light) => {painted} === light", arg=light)
         before = labels(page)
+        page.click("main summary >> text=other inputs")
         page.focus("#at-q")
         page.keyboard.press("End")
         page.wait_for_function(
