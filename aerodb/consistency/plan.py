@@ -150,8 +150,8 @@ class ReconstructionPlan:
         ]
         late = [name for name in late if not name.endswith("_offset")]
         sentence = (
-            "the air moved: delays and scales of the air data are not sought, the aircraft answers"
-            " gusts too soon for that"
+            "turbulence: delays and scales of the air data are not estimated, as the response to"
+            " gusts looks like them"
         )
         rest = tuple(name for name in self.free if name not in late)
         return replace(

@@ -229,6 +229,22 @@ def test_a_server_that_does_not_answer_is_done_without(
             os.environ.update(before)
 
 
+def test_runs_keep_their_records_in_a_folder_of_ones_own(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    """Who uses Prefect otherwise has PREFECT_HOME set: its database was never made there."""
+    own = tmp_path / "own"
+    monkeypatch.setenv("PREFECT_HOME", str(own))
+    workspace = shared.prepared(tmp_path / "w")
+    log = str(shared.logs[0])
+    ingest = ("flight", "ingest", log, "--vehicle", NAME)
+    done = aerodb(workspace.root, *ingest, under_prefect=True)
+    assert done.returncode == 0, done.stderr
+    assert "1 log stored" in done.stdout
+    assert (own / "prefect.db").stat().st_size > 100_000, "its tables are there"
+    assert not (workspace.root / "prefect" / "prefect.db").exists()
+
+
 def test_the_environment_is_prefects_only_while_a_run_lasts(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path, shared: SharedWorkspaces
 ) -> None:
