@@ -9,7 +9,7 @@ from typing import Final
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 10,
     "conditioning": 28,
-    "consistency": 28,
+    "consistency": 29,
     "coefficients": 5,
     "compare": 19,
     "import": 2,

@@ -31,6 +31,7 @@ PRIVATE: Final[Mapping[str, str]] = {
     r"linked events?": "events",
     r"moves of names": "releases and rollbacks",
     r"what hangs on (?:it|them|each)": "what it changes",
+    r"the air moved": "turbulence",
     r"sealed envelopes?": "hidden errors",
     r"(?<!flight )envelopes?": "the flown range",
     r"(?:another|of the|in the|whole) library": "the list of effects",
