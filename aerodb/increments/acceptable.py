@@ -44,7 +44,7 @@ def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str])
     return _check(
         "no error of a sensor explains what changes",
         "sensors",
-        "errors of sensors that explain a change",
+        "sensor errors that explain a change",
         left,
         "the sensors are right",
     )
@@ -64,7 +64,7 @@ def judge_aliases(report: Mapping[str, Any], accepted: Collection[str]) -> GateC
     return _check(
         "no estimates that cannot be told apart",
         "aliases",
-        "axes with estimates that no flight tells apart",
+        "axes with inseparable estimates",
         {
             f"alias@{axis}": (
                 f"{axis}: {'; '.join(groups)} moved together, and these flights tell only what they"
@@ -112,7 +112,7 @@ def judge_shapes(report: Mapping[str, Any], accepted: Collection[str]) -> GateCh
     return _check(
         "what was added has its shape, and nothing on its axis is without a name",
         "shapes",
-        "effects of another or an unknown shape",
+        "effects of another or unknown shape",
         {id: said for id, said in open_shapes(report).items() if id not in accepted},
         "it is right",
     )

@@ -18,7 +18,7 @@ from aerodb.units import UnitSystem
 #: Label of a check -> its numbers in words, and their unit: those that measures do not say.
 _SAID: Final[Mapping[str, tuple[str, str]]] = {
     "derivatives": ("{} changes by", "%"),
-    "repeatability": ("rms error of {} grows by", ""),
+    "repeatability": ("error of {} grows by", ""),
 }
 #: Most changes and open points that a line names.
 _MOST: Final = 4
