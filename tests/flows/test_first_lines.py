@@ -88,7 +88,8 @@ def test_the_command_that_is_printed_runs(workspace: Path) -> None:
 
 def test_the_report_of_a_flight_leads_to_the_flight(workspace: Path, tmp_path: Path) -> None:
     report = ("report", "flight", "flight1.csv", "--output", str(tmp_path / "flight.html"))
-    lines = answered(workspace, report, r"report of flight1\.csv.*: wrote flight\.html", NEXT)
+    told = (r"report of flight1\.csv.*: wrote flight\.html", r"verdict +(good|limited: \S+)", NEXT)
+    lines = answered(workspace, report, *told)
     command = next(line for line in lines if "aerodb flight show" in line).split("aerodb ")[1]
     assert asked(workspace, *shlex.split(command))["flight"]
 

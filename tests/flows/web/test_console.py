@@ -113,6 +113,22 @@ def test_every_table_has_a_caption_and_every_field_a_label(client: TestClient, m
             assert labelled, (address, html.tostring(field))
 
 
+def test_a_page_answers_before_it_asks(client: TestClient, made: Made) -> None:
+    """What to compare is chosen below what was compared, and a flight has a name."""
+    sides = f"before={made.baseline}&after={made.candidate}"
+    begins = {
+        f"/diff?{sides}": ('class="lead"', 'action="/diff"'),
+        f"/compare?{sides}": ('id="curves"', 'action="/compare"'),
+        "/findings": ("small-glider: nothing is proved yet", "<table"),
+        f"/flights/{made.flight}/impact": (".csv", "<table"),
+    }
+    for path, (answer, asks) in begins.items():
+        shown = client.get(path).text.split("<main")[1]
+        assert answer in shown.split(asks)[0], path
+    begins_with = client.get(f"/compare?{sides}").text
+    assert 'value="v0002"' in begins_with, "a version is called by its label"
+
+
 def test_links_lead_somewhere(client: TestClient, made: Made) -> None:
     seen: set[str] = set()
     for address in pages(made):
