@@ -8,11 +8,11 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 10,
-    "conditioning": 28,
+    "conditioning": 29,
     "consistency": 29,
     "coefficients": 5,
-    "compare": 19,
-    "import": 2,
+    "compare": 20,
+    "import": 3,
     "fly": 7,
     "estimate": 22,
     "update": 30,

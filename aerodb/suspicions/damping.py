@@ -20,6 +20,7 @@ from aerodb.estimation import (
     Parameters,
     Regression,
     instrumental_variables,
+    samples_per_independent,
 )
 from aerodb.nomenclature import is_surface
 from aerodb.support import Array, half_interval
@@ -116,4 +117,10 @@ def _of_controls(
     found = next(each for each in fit.estimates if each.name == "p")
     if found.standing != "estimated":
         return None
-    return found.value, found.standard_error
+    # Regressors and instruments fit as many of the samples that are independent.
+    left = moment[used] - matrix @ np.array([each.value for each in fit.estimates])
+    independent = len(left) / samples_per_independent(left)
+    free = independent - matrix.shape[1] - len(past)
+    if not free > 0.0:
+        return None
+    return found.value, found.standard_error * float(np.sqrt(independent / free))

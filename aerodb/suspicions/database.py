@@ -174,8 +174,7 @@ def _sizes(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> li
             told = share.vif <= INFLATION and size * share.weight > PART
             least = WELL_EXPLAINED if abs(share.ratio) < LEAST else EXPLAINED
             if told and fits[axis].r_squared > least:
-                known = share.error / size
-                best[name] = min(best.get(name, (np.inf, share)), (known, share), key=_first)
+                best[name] = min(best.get(name, (np.inf, share)), (share.error, share), key=_first)
     return [found for _, share in best.values() for found in _size(share)]
 
 
@@ -190,10 +189,12 @@ def _size(share: Share) -> list[Suspicion]:
         " that the database has for it"
     )
     evidence = {"ratio": ratio, "standard_error": error, "weight": weight}
-    reversed_ = ratio < -LEAST and ratio + ERRORS * error < 0.0
+    # What is far larger than the database has it, on another's axis, may be that one's.
+    own = AXIS_OF.get(role_of(share.variable), share.axis) == share.axis
+    reversed_ = -LARGEST < ratio < -LEAST and ratio + ERRORS * error < 0.0
     if reversed_ and abs(ratio) * weight > PART:
         kind, words = "sign", f"{told}: its sign is flipped, or it is another surface's channel"
-    elif ratio - ERRORS * error > LARGEST and ratio * weight > PART:
+    elif own and ratio - ERRORS * error > LARGEST and ratio * weight > PART:
         kind, words = "unit", f"{told}: its unit is another (radians taken for degrees)"
     elif abs(ratio) + ERRORS * error < LEAST and weight > PART:
         kind = "unit"
@@ -268,6 +269,7 @@ def _delay(axis: AxisShares, name: str) -> Suspicion | None:
         or share.ratio < max(ERRORS * share.error, RATIOS[0])
         or share.ratio > RATIOS[1]
         or share.ratio < zero.ratio  # without its delay a control is seen to do more
+        or _flow_lags(view, fit)
     ):
         return None
     how = "late: the motion comes before it" if seconds < 0 else "early: the motion follows it"
@@ -277,6 +279,15 @@ def _delay(axis: AxisShares, name: str) -> Suspicion | None:
         f" clock, or the lag of its servo, is another{other}"
     )
     return Suspicion(name, "delay", words, {"delay": -seconds, "likelier": likelier})
+
+
+def _flow_lags(axis: AxisShares, delayed: Regression) -> bool:
+    """Whether a flow that lags explains as well what the delay of a control explains."""
+    fit = axis.beside_lags()
+    if fit is None:
+        return False
+    gained = (1.0 - fit.r_squared) / max(1.0 - delayed.r_squared, 1e-12)
+    return likelier_by(delayed, gained) < LIKELIER + DELAYS_TRIED
 
 
 def _standing(

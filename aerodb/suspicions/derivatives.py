@@ -85,6 +85,18 @@ class AxisShares:
             return None
         return fit if np.all(np.isfinite(fit.standard_errors)) else None
 
+    def beside_lags(self) -> Regression | None:
+        """Return the regression with the rate of the flow angle beside it: downwash and sidewash
+        lag behind the flow, and the noise of a vane is fast. None where it cannot be solved.
+
+        Columns (m, k) and the coefficient (m,) are dimensionless.
+        """
+        angle = _ANGLE[self.axis]
+        if angle not in self.parts:
+            return None
+        rate = np.gradient(self.parts[angle], self.step)
+        return replace(self, parts={**self.parts, f"{angle} rate": rate}).fit()
+
     def likeliest_lag(self, name: str, lags: Sequence[int]) -> int:
         """Return the shift (samples) of a part with which the regression explains most.
 

@@ -19,19 +19,22 @@ from aerodb.conditioning import SETTLED, Suspicion
 from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
-from aerodb.signals import played, runs
+from aerodb.signals import runs
 from aerodb.support import Array
 from aerodb.suspicions.angles import off_motion
 from aerodb.suspicions.changing import CHANGED, LOUDER, MISSED
 from aerodb.suspicions.equation_error import RATE_OF, averaged
 from aerodb.suspicions.evidence import FEWEST, LIKELIER
 from aerodb.suspicions.in_flight import HUGE, flying, known_masses
+from aerodb.suspicions.shapes import HELD, SLOW, fast, is_off, lacked, most_explained, slack, still
 from aerodb.suspicions.sized_faults import (
     ACCELERATIONS,
     ALWAYS,
     EVENLY,
+    LEAST_OFFSET,
     RATES,
     SEEN,
+    SHAPES,
     STEP,
     Axis,
     Fault,
@@ -44,13 +47,9 @@ from aerodb.vehicle import Vehicle
 
 #: Kind of a suspicion of a zero that moves.
 MOVED: Final = "zero"
-#: Fewest equal means in a row for a channel that stands still.
-HELD: Final = 3
 #: Share of the gain of the likeliest fault from which on another is named with it. The slopes by
 #: which the axes share a fault are a database's.
 ALIKE: Final = 0.5
-#: Half the play of a linkage that is looked for [rad]: a worn one has several times this.
-PLAY: Final = float(np.deg2rad(0.5))
 #: Flow angle up to which most of a flight must be for changes of its forces to be sought [rad]: an
 #: aircraft that hovers has any, and no slope over it.
 STEEP: Final = float(np.deg2rad(30.0))
@@ -110,26 +109,27 @@ def faults_in_time(
         name: averaged(values, every)[inside]
         for name, values in _coefficients_per_acceleration(flight, vehicle, axes).items()
     }
-    readings = {}
+    readings, shown_by = {}, {}
     for axis, name in _MEASURED_BY.items():
         if name in per_acceleration:
-            shown = averaged(_reading(flight, name), every)[inside]
+            shown = shown_by[name] = averaged(_reading(flight, name), every)[inside]
             arms = per_acceleration[name] * shown - averaged(measured[axis], every)[inside]
             readings[name] = axes[axis].explained(wholes[axis][inside] + arms)
     vanes = {name: values[inside] for name, values in off_motion(flight, every).items()}
-    more = _Columns(vanes, per_acceleration, readings)
+    more = _Columns(vanes, per_acceleration, readings, shown_by)
     return _likeliest(axes, slopes, moving, more, t, alone)
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns:
     """What is no channel: how far vanes are from the motion (m,) [rad], by their names; and of each
-    accelerometer the coefficient that 1 m/s2 of it makes of its axis (m,), and what it reads of the
-    database's force and of the turning about it, as a coefficient (m,)."""
+    accelerometer the coefficient that 1 m/s2 of it makes of its axis (m,), what it reads of the
+    database's force and of the turning about it, as a coefficient (m,), and itself (m,) [m/s2]."""
 
     off_motion: Mapping[str, Array]
     per_acceleration: Mapping[str, Array]
     readings: Mapping[str, Array]
+    accelerations: Mapping[str, Array]
 
 
 def _reading(flight: Flight, name: str) -> Array:
@@ -195,14 +195,18 @@ def _likeliest(
     alone: bool,
 ) -> list[Suspicion]:
     """The likeliest fault, if it pays for all that were tried, with those that are nearly so."""
+    lacks = lacked(moving, more.off_motion, t)
+    basis = next(iter(axes.values())).basis  # of all axes
+    most = most_explained(lacks, basis, {axis: each.left for axis, each in axes.items()})
     faults = _ranked(_faults(axes, slopes, moving, more, t))
-    found = next(iter(_large(faults, alone)), None)
+    found = next(iter(_large(faults, axes, most, alone)), None)
     if found is None:
         return []
     # What is independent is known with the fault.
     axes = {axis: _with_fault(each, found, axis) for axis, each in axes.items()}
     faults = _ranked(_faults(axes, slopes, moving, more, t))
-    best = next((each for each in _large(faults, alone) if each.is_certain(len(faults))), None)
+    large = _large(faults, axes, most, alone)
+    best = next((each for each in large if each.is_certain(len(faults))), None)
     if best is None:
         return []
     least = min(ALIKE * best.likelier, best.likelier - LIKELIER)
@@ -218,10 +222,17 @@ def _likeliest(
     return [Suspicion(best.channel, kind, _words(best, list(near.values())[1:]), evidence)]
 
 
-def _large(faults: Sequence[Fault], alone: bool) -> list[Fault]:
-    """Those of faults, the likeliest first, that are large enough to be said."""
+def _large(
+    faults: Sequence[Fault], axes: Mapping[str, Axis], most: Mapping[str, float], alone: bool
+) -> list[Fault]:
+    """Those of faults, the likeliest first, that are large enough to be said. most : axis -> share
+    that something which the database may lack explains of it."""
     likeliest = next((fault for fault in faults if not fault.is_rival_only), None)
-    return [fault for fault in faults if fault.is_large(fault is likeliest, alone)]
+    return [
+        fault
+        for fault in faults
+        if fault.is_large(fault is likeliest, alone, fault.is_likelier(axes, most))
+    ]
 
 
 def _ranked(faults: Iterable[Fault]) -> list[Fault]:
@@ -254,20 +265,30 @@ def _added(
         acts = {axis: -slopes[axis][name] for axis in axes if slopes[axis].get(name)}
         acts = acts if name in moving else {}
         own = measured.get(name)
-        kinds: dict[str, Callable[[Array], Array]] = {"gain": np.asarray, "delay": _rate}
+        kinds: dict[str, Callable[[Array], Iterable[Array]]] = {
+            "gain": lambda values: [values],
+            "delay": lambda values: [np.gradient(values, STEP)],
+        }
         if is_surface(name) and not role_of(name):  # flaps and brakes change what others do
             kinds = {}
         if acts and (own is None or name in RATES):
-            kinds["zero"] = np.ones_like
+            kinds["zero"] = lambda values: [np.ones_like(values)]
+        if acts and name not in RATES:
+            kinds["still"] = lambda values: filter(is_off, still(values))
         if acts and role_of(name):
-            kinds["play"] = _slack
+            kinds["play"] = slack
+            kinds["fast"] = lambda values: filter(is_off, fast(values))
         for what, change in kinds.items():
-            added = {axis: slope * change(moving[name]) for axis, slope in acts.items()}
+            changed = list(change(moving[name])) if acts else []
+            listed = [{axis: slope * v for axis, slope in acts.items()} for v in changed]
             if own is not None and what != "zero":  # a moment follows from the rate's change
                 shown = more.readings.get(name, axes[own].whole)
-                added[own] = added.get(own, 0.0) + change(shown)
-            if added:
-                yield name, what, added
+                listed = listed or [{}]
+                for added, values in zip(listed, change(shown), strict=True):
+                    added[own] = added.get(own, 0.0) + values
+            for added in listed:
+                if added:
+                    yield name, what, added
     for name, angle in more.off_motion.items():
         acts = {axis: -slopes[axis][name] for axis in axes if slopes[axis].get(name)}
         if acts:
@@ -275,6 +296,9 @@ def _added(
     for name, force in more.per_acceleration.items():
         if measured.get(name):
             yield name, "zero", {measured[name]: force}
+            for values in still(more.accelerations[name]):
+                if is_off(values, LEAST_OFFSET):
+                    yield name, "still", {measured[name]: force * values}
     yield "qbar", "gain", {axis: -each.whole for axis, each in axes.items()}
     turning = {
         axis: np.sum([slopes[axis][rate] * moving[rate] for rate in rates], axis=0)
@@ -283,14 +307,6 @@ def _added(
     }
     if turning:
         yield "V", "gain", turning
-
-
-def _rate(values: Array) -> Array:
-    return np.asarray(np.gradient(values, STEP))
-
-
-def _slack(values: Array) -> Array:
-    return (values - played(values, PLAY)) / PLAY
 
 
 def _faults(
@@ -309,9 +325,9 @@ def _faults(
             yield from _off_motion(own, name, added, t)
             continue
         kinematic = name in RATES and what == "delay"
-        if what in ("delay", "play") and not kinematic:
+        if what in ("delay", *SHAPES) and not kinematic:
             yield from sized(own, name, what, ALWAYS, added)
-        if what == "play":
+        if what in SHAPES:
             continue
         if kinematic:
             # A delay that changes is more than one that the flight has all the time.
@@ -333,7 +349,7 @@ def _faults(
         needed = max((fault.likelier for fault in found), default=0.0) + LIKELIER
         for fault in sized(own, name, what, when, part):
             if fault.likelier > needed:
-                yield fault
+                yield replace(fault, is_stretch=True)
 
 
 def _off_motion(
@@ -371,6 +387,16 @@ def _words(best: Fault, near: Sequence[Fault]) -> str:
             f"{name} and its surface part by {2.0 * np.rad2deg(abs(best.size)):.2g} deg where the"
             f" motion turns, by the {on} of the database: a linkage has play{late}{rivals}"
         )
+    if best.what == "still":
+        return (
+            f"{name} stands still where the {on} of the database goes on{rivals}. Its channel is"
+            " clipped or in steps, or was not recorded"
+        )
+    if best.what == "fast":
+        return (
+            f"{abs(best.size):.2g} times what {name} shows within {SLOW * STEP:.1g} s is not in the"
+            f" {on} of the database{rivals}: its samples are wild, or off in time"
+        )
     if best.what == "delay":
         return (
             f"{best.when} {name} is {abs(best.size):.2g} s {_how(best)} by the {on} of the"
@@ -396,7 +422,8 @@ def _how(fault: Fault) -> str:
     """What is wrong with a channel, after its name."""
     if fault.what == "delay":
         return "late" if fault.size < 0.0 else "early"
-    return "with play" if fault.what == "play" else f"with another {fault.what}"
+    words = {"play": "with play", "still": "that stands still", "fast": "with wild samples"}
+    return words.get(fault.what, f"with another {fault.what}")
 
 
 def _held(

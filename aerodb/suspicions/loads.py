@@ -197,7 +197,7 @@ def cg_beside(axes: Mapping[str, AxisShares], reference: ReferenceGeometry) -> l
         or min(abs(here), abs(there)) < SHIFT * reference.chord
         or abs(here) < ERRORS * error
         or abs(there) < ERRORS * other
-        or abs(here - there) > SCATTER * abs(shift) + margin
+        or abs(here - there) > SCATTER * abs(shift)
     ):
         return []
     words = (

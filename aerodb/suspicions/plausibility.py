@@ -26,6 +26,7 @@ from aerodb.conditioning import (
     stuck,
     with_accelerations,
 )
+from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, MOST_SHARE, SHARES, is_surface
 from aerodb.physics import GRAVITY
@@ -33,7 +34,7 @@ from aerodb.signals import decimated, low_passed
 from aerodb.support import CLAIM, Array
 from aerodb.suspicions.drag import ACCELERATION
 from aerodb.suspicions.equation_error import averaged
-from aerodb.suspicions.evidence import FEWEST, LARGEST_ANGLE, STILL, SWING, WELL_EXPLAINED
+from aerodb.suspicions.evidence import ERRORS, FEWEST, LARGEST_ANGLE, STILL, SWING, WELL_EXPLAINED
 from aerodb.suspicions.hypotheses import explain
 from aerodb.suspicions.over_ground import over_ground_suspicions
 
@@ -441,7 +442,15 @@ def _forward(
 
 
 def _correlation(a: Array, b: Array, where: NDArray[np.bool_]) -> float:
+    """The correlation of two channels (n,); 0 where chance makes one as large of as many samples as
+    are independent (Fisher, Metron 1, 1921)."""
     one, other = a[where], b[where]
     if len(one) < 3 or float(np.std(one)) == 0.0 or float(np.std(other)) == 0.0:
         return 0.0
-    return float(np.corrcoef(one, other)[0, 1])
+    found = float(np.corrcoef(one, other)[0, 1])
+    slow = min(samples_per_independent(each - each.mean()) for each in (one, other))
+    independent = len(one) / slow
+    if not independent > 4.0:
+        return 0.0
+    told = abs(np.arctanh(np.clip(found, -1.0 + 1e-12, 1.0 - 1e-12))) * np.sqrt(independent - 3.0)
+    return found if told > ERRORS else 0.0

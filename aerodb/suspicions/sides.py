@@ -100,11 +100,9 @@ def _unlike(axis: EquationError, right: str, left: str, mirror: float) -> Suspic
     missing = RATIOS[0] * abs(large) - small
     moved = float(np.std(axis.controls[strong][axis.where]))
     caused = abs(large) * moved / max(float(np.std(axis.moment[axis.where])), 1e-300)
-    if (
-        max(fit.vif[fit.names.index(name)] for name in effects) > INFLATION
-        or missing < ERRORS * float(np.hypot(RATIOS[0] * error, other))
-        or caused < CAUSED
-    ):
+    alike = max(float(fit.vif[fit.names.index(name)]) for name in effects)
+    told = missing >= ERRORS * float(np.hypot(RATIOS[0] * error, other))  # nan: not solved
+    if not (told and alike <= INFLATION and caused >= CAUSED):
         return None
     words = (
         f"{weak} gives {effects[weak][0]:.3g} +- {half_interval(other):.2g} per rad about the"

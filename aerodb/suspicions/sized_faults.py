@@ -59,12 +59,16 @@ ACCELERATIONS: Final = ("ay", "az")
 #: When a fault acts that begins at no sample, in words.
 ALWAYS: Final = "all the time"
 EVENLY: Final = "over the whole flight"
+#: Kinds of faults that act by a shape of their own, all the time.
+SHAPES: Final = ("play", "still", "fast")
 _LEAST: Final = {
     "gain": LEAST_GAIN,
     "zero": LEAST_ZERO,
     "delay": LEAST_DELAY,
     "play": LEAST_PLAY,
     "motion": LEAST_MOTION,
+    "still": LEAST_MOTION,
+    "fast": LEAST_MOTION,
 }
 _EXPLAINED: Final = {
     "gain": EXPLAINED_GAIN,
@@ -108,7 +112,8 @@ class Axis:
 class Fault:
     """A fault of a channel: what changes, and when, in words; axis -> what it adds per unit of the
     change (m,) and the share that it explains of what is left, the axis on which it acts most
-    first; its size, the standard error, and the gain of the logarithm of the likelihood."""
+    first; its size, the standard error, and the gain of the logarithm of the likelihood; whether it
+    begins and ends within the flight."""
 
     channel: str
     what: str
@@ -118,6 +123,7 @@ class Fault:
     size: float
     error: float
     likelier: float
+    is_stretch: bool = False
 
     @property
     def axes(self) -> list[str]:
@@ -132,19 +138,46 @@ class Fault:
         other = is_surface(self.channel) and not role_of(self.channel)
         return self.what == "zero" and (self.channel in RATES or other)
 
-    def is_large(self, likeliest: bool, alone: bool) -> bool:
+    def is_large(self, likeliest: bool, alone: bool, beyond: bool) -> bool:
         """Whether its share and its size are large enough to be said. likeliest : of all faults.
         alone : no constant fault is said of the flight, beside which others look as if they grew.
-        """
-        least = _EXPLAINED[self.what]
-        if self.what == "zero" or (self.when == EVENLY and alone):
-            least = EXPLAINED_LIKELIEST if likeliest else EXPLAINED_ZERO
-        share = next(iter(self.shares.values()))
+        beyond : likelier than all that a database may lack. A sensor's noise makes its gain and its
+        zero seem to change where its motion does."""
+        if self.is_rival_only or not abs(self.size) > self.least:
+            return False
         if self.what == "delay" and abs(self.size) > MOST_DELAY:
             return False
+        if beyond and self._is_no_aerodynamics:
+            return True
+        if self.what not in _EXPLAINED:  # told so alone
+            return False
+        least = _EXPLAINED[self.what]
+        clear = beyond or is_surface(self.channel)
+        if clear and (self.what == "zero" or (self.when == EVENLY and alone)):
+            least = EXPLAINED_LIKELIEST if likeliest else EXPLAINED_ZERO
+        share = next(iter(self.shares.values()))
         if self.what == "delay" and share > SEEN:  # axes that agree about it count together
             share = 1.0 - float(np.prod([1.0 - s for s in self.shares.values() if s > SEEN]))
-        return not self.is_rival_only and share > least and abs(self.size) > self.least
+        return share > least and (clear or (self.what != "zero" and self.when != EVENLY))
+
+    @property
+    def _is_no_aerodynamics(self) -> bool:
+        """Whether only a channel is so: late, loose, still or wild. Nothing is told so of a
+        stretch, which gusts are as long as, nor of vanes that are late, as flow is."""
+        if self.is_stretch or self.what not in ("delay", *SHAPES):
+            return False
+        sign = {"play": -1.0, "fast": 1.0}.get(self.what, 0.0)
+        return sign * self.size >= 0.0 and (is_surface(self.channel) or self.what != "delay")
+
+    def is_likelier(self, axes: Mapping[str, Axis], most: Mapping[str, float]) -> bool:
+        """Whether it is likelier than what a database may lack, of the likeliest kind on each axis
+        where the fault is seen. most : axis -> the share that this explains of what is left."""
+
+        def gain(shares: Mapping[str, float]) -> float:
+            left = {axis: np.log(max(1.0 - shares[axis], 1e-12)) for axis in self.axes}
+            return float(sum(-0.5 * axes[axis].independent * v for axis, v in left.items()))
+
+        return gain(self.shares) > gain(most) + LIKELIER
 
     @property
     def least(self) -> float:

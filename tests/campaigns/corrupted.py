@@ -4,19 +4,22 @@
 ingest, said by the comparison with the vehicle's database, refused there (the log lacks what the
 database needs), and silent; of those said, how many are only suspected. ``--cache FOLDER`` keeps
 the flights of JSBSim; ``--only`` runs one part: corrupted flights, wrong vehicle files, files whose
-every value is believable, faults during a flight (``during``: a silent one counts where the verdict
+every value is believable, wrong databases (``databases``: one flight of each vehicle; the first
+column is what is said at import), faults during a flight (``during``: a silent one counts where the verdict
 of the reconstruction stays and an axis has twice the clean residual; misnamed is a fault of which
 no suspicion names what is wrong), right flights beside
 databases that lack an effect, or right flights under other conditions (``right``).
 """
 
 import argparse
+import itertools
 import os
 import tempfile
 import zlib
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -34,6 +37,7 @@ from aerodb.storage.readers.tabular import read_tabular
 from aerodb.suspicions import against_database, against_vehicle, limits_flight
 from aerodb.suspicions.failed import failed_suspicions
 from aerodb.suspicions.plausibility import suspicions
+from aerodb.tables import lacking_effects, unusual_content
 from aerodb.vehicle import parse_vehicle
 from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Corruption, Pair
 from tests.campaigns.databases import database_of
@@ -43,11 +47,15 @@ from tests.campaigns.instruments import CELLS, noise_of, shown
 from tests.campaigns.planted import PLANTED, NotThere
 from tests.campaigns.right_flights import right_flights, scattered
 from tests.campaigns.runs import channels_of
+from tests.campaigns.wrong_databases import DATABASES
 from tests.support import effect_flights
 from tests.support.measured_flights import ATTAS, CITATION, HFB320, STALLS, TWIN_OTTER
 from tests.support.paths import ROOT, VEHICLES
 from tests.support.small_glider import write_csv
 
+#: Relative difference of reference lengths and area that is said at import
+#: (`aerodb.tasks.steps.inputs`).
+SAME_SIZE = 0.05
 #: Least residual that matters, as a share of what was flown of an axis: simulated flights that obey
 #: their database to rounding have none.
 LEAST_LEFT = 0.03
@@ -119,14 +127,18 @@ def simulated(flights: int = 4, seed: int = 4) -> Iterator[Pair]:
 
 
 def fleet(
-    cache: Path, flights: int = 2, aircraft: Collection[str] = CONDITIONS.keys() - NO_BODIES
+    cache: Path,
+    flights: int = 2,
+    aircraft: Collection[str] = CONDITIONS.keys() - NO_BODIES,
+    first: int = 0,
 ) -> Iterator[Pair]:
-    """Flights of JSBSim's aircraft, with the noise of their instruments and their own databases."""
+    """Flights of JSBSim's aircraft, with the noise of their instruments and their own databases;
+    first : number of the first flight."""
     cell = CELLS["declared"]
     for name in sorted(aircraft):
         craft = airframe(name)
         vehicle, database = parse_vehicle(vehicle_text(craft)), craft.database()
-        for number in range(flights):
+        for number in range(first, first + flights):
             channels = channels_of(craft, number, cell, cache)
             rng = np.random.default_rng([number, zlib.crc32(name.encode())])
             noise = noise_of(cell, tuple(channels), len(channels["V"]), rng)
@@ -292,6 +304,57 @@ class Count:
             self.suspected.append(name)
 
 
+def said_at_import(right: Pair, wrong: Pair) -> bool:
+    """Whether what no aircraft has is said of a wrong database when it is imported, or what it
+    lacks, or that its reference lengths are not those of the vehicle file."""
+    assert right.database is not None
+    assert wrong.database is not None
+    mass = wrong.vehicle.mass
+    cg: Any = mass.cg if mass.source == "constant" else None
+    sizes = [
+        (getattr(wrong.database.reference, name), getattr(wrong.vehicle.reference, name))
+        for name in ("area", "chord", "span")
+    ]
+    lacking = {*lacking_effects(wrong.database)} - {*lacking_effects(right.database)}
+    return bool(
+        unusual_content(wrong.database, cg)
+        or lacking
+        or any(abs(one / other - 1.0) > SAME_SIZE for one, other in sizes)
+    )
+
+
+def attack_databases(pairs: Sequence[Pair]) -> dict[str, Count]:
+    """Apply every kind to the database of every vehicle, beside the first of its flights to which
+    the kind applies; what changes no coefficient is no case."""
+    table = {}
+    for kind, corrupt in DATABASES.items():
+        table[kind], done = Count(), set[str]()
+        for pair in pairs:
+            made = corrupt(pair) if pair.vehicle.name not in done else None
+            if made is None:
+                continue
+            done.add(pair.vehicle.name)
+            if said_at_import(pair, made):
+                table[kind].ingest.append(pair.name)
+            elif beside(table[kind], made) is None and not is_material(pair, made):
+                table[kind].silent.pop()
+    return table
+
+
+def beside(count: Count, pair: Pair) -> bool | None:
+    """Count what is said of a pair beside its database; None where it is silent."""
+    with np.errstate(all="ignore"):
+        try:
+            found = noticed_beside(pair)
+        except InputError:
+            count.refused.append(pair.name)
+            return False
+    (count.beside if found else count.silent).append(pair.name)
+    if found and not any(limits_flight(each) for each in found):
+        count.suspected.append(pair.name)
+    return True if found else None
+
+
 def attack(pairs: Sequence[Pair], kinds: Mapping[str, Corruption]) -> dict[str, Count]:
     """Apply every kind to every flight."""
     table = {}
@@ -340,14 +403,16 @@ def main() -> None:
     """Print the table for the measured and the simulated flights."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cache", type=Path, help="folder of JSBSim's flights")
-    parts = ("flights", "files", "believable", "during", "lacking", "right")
+    parts = ("flights", "files", "believable", "databases", "during", "lacking", "right")
     parser.add_argument("--only", choices=parts, help="one part of the table")
+    parser.add_argument("--seed", type=int, default=0, help="of the simulated flights")
     parser.add_argument("--most", type=int, default=100, help="flights per kind of `during`")
     asked = parser.parse_args()
     cache = asked.cache or Path(tempfile.mkdtemp())
     cache.mkdir(parents=True, exist_ok=True)
     folder = Path(os.environ.get("AERODB_TEST_DATA", ROOT.parent / "shared" / "data"))
-    pairs = [*measured(folder), *simulated(), *fleet(cache)]
+    drawn = simulated(seed=4 + asked.seed), fleet(cache, first=2 * asked.seed)
+    pairs = [*measured(folder), *itertools.chain(*drawn)]
     alarms = 0
     for pair in pairs:
         with np.errstate(all="ignore"):
@@ -367,7 +432,7 @@ def main() -> None:
             f" {len(count.suspected)}: {', '.join(stopped + count.suspected)}"
         )
     if asked.only in (None, "during"):
-        rng = np.random.default_rng(1)
+        rng = np.random.default_rng(1 + asked.seed)
         tables: list[During] = []
         for kind in {**SURFACES, **SENSORS}:
             mixed = [pairs[k] for k in rng.permutation(len(pairs))]
@@ -388,18 +453,19 @@ def main() -> None:
         "files": ("wrong vehicle files", FILES),
         "believable": ("believable values", BELIEVABLE),
     }
+    titles["databases"] = ("wrong databases", DATABASES)
     for title, kinds in (titles[part] for part in titles if asked.only in (None, part)):
         print(f"{title}: at ingest, beside, refused, silent (only suspected)", flush=True)
-        table = attack(pairs, kinds)
+        table = attack_databases(pairs) if kinds is DATABASES else attack(pairs, kinds)
         if kinds is FILES:
             table["another aircraft's log"] = other_aircraft(pairs)
-        for kind, each in table.items():
-            numbers = (each.ingest, each.beside, each.refused, each.silent)
+        for kind, count in table.items():
+            numbers = (count.ingest, count.beside, count.refused, count.silent)
             words = " ".join(f"{len(listed):4}" for listed in numbers)
-            silent = ", ".join(Path(name).stem for name in each.silent)
-            print(f"  {kind:32} {words} ({len(each.suspected):2})  {silent}")
-        missed = sum(len(each.silent) for each in table.values())
-        total = sum(each.cases for each in table.values())
+            silent = ", ".join(Path(name).stem for name in count.silent)
+            print(f"  {kind:32} {words} ({len(count.suspected):2})  {silent}")
+        missed = sum(len(count.silent) for count in table.values())
+        total = sum(count.cases for count in table.values())
         print(f"{title}: silent {missed} of {total} ({100 * missed / total:.1f} %)", flush=True)
 
 

@@ -25,6 +25,7 @@ WRONG = {
          "[derivatives.X]": "[derivatives.Cn]"},
         "exchanged",
     ),
+    "side force of the other sign": ({"beta = -0.3": "beta = 0.3"}, "side force opposes"),
     "no Cm": (
         {"[derivatives.Cm]\nalpha = -0.6\nq_hat = -12.0\ndelta_elevator = -1.1\n": ""},
         "Cm is missing",
@@ -76,3 +77,25 @@ def test_aircraft_of_jsbsim_hold_nothing_unusual(name: str) -> None:
 
     assert unusual_content(import_jsbsim(aircraft_file(name), name=name.lower())) == ()
     assert unusual_content(effect_flights.database()) == ()
+
+
+@pytest.mark.parametrize(
+    ("rolling", "yawing", "lift", "word"),
+    [
+        ("delta_rudder = -0.2\ndelta_aileron = 0.02", "delta_rudder = -0.01\ndelta_aileron = -0.07",
+         "", "the two are exchanged"),
+        ("delta_rudder = 0.02\ndelta_aileron = -0.2", "delta_rudder = -0.07\ndelta_aileron = -0.01",
+         "[derivatives.C_lift]\nbeta = 5.0\n", "alpha and beta are exchanged"),
+        ("delta_rudder = 0.02\ndelta_aileron = -0.2\nq_hat = -12.5",
+         "delta_rudder = -0.07\ndelta_aileron = -0.01", "", "pitch rate acts on Cl"),
+        ("delta_rudder = 0.02\ndelta_aileron = -0.2", "delta_rudder = -0.07\ndelta_aileron = -0.01",
+         "", ""),
+    ],
+    ids=["aileron and rudder", "lift by sideslip", "pitch and roll", "right"],
+)  # fmt: skip
+def test_what_is_exchanged_is_said(rolling: str, yawing: str, lift: str, word: str) -> None:
+    text = DATABASE.replace("p_hat = -0.5", f"p_hat = -0.5\n{rolling}")
+    text = text.replace("beta = 0.06", f"beta = 0.06\n{yawing}") + lift
+    found = unusual_content(read_native(text))
+    assert len(found) == (1 if word else 0), found
+    assert all(word in each for each in found)

@@ -1,11 +1,13 @@
-"""What in an imported database no aircraft has: drag below zero, damping that excites, moments
-about a point far from the aircraft, axes exchanged, slopes per degree.
+"""What in an imported database no aircraft has: drag below zero, damping that excites, side force
+with sideslip, moments about a point far from the aircraft, axes or controls exchanged, slopes per
+degree.
 
 Each is the mark of a mistake that every check of arithmetic passes: another sign convention,
 another unit, columns exchanged.
 """
 
 import math
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -20,8 +22,14 @@ _PER_DEGREE: Final = math.sqrt(math.pi / 180.0)
 #: Distance of the moment reference from the CG that no balanced aircraft has [chords]: a CG lies
 #: within a fifth of a chord of the neutral point, and tables are made about a point near it.
 _FAR: Final = 1.0
+#: Share of a wing's lift slope that sideslip, to which both sides answer alike, never has.
+_SIDEWAYS: Final = 0.5
 #: Dampings: body axis -> its rate, and its name.
 _DAMPING: Final = {"Cl": ("p", "roll"), "Cm": ("q", "pitch"), "Cn": ("r", "yaw")}
+#: Variables whose slopes are looked at, beside sideslip.
+_SLOPES: Final = ("p", "q", "r", "delta_aileron", "delta_rudder")
+#: Variable -> axis -> mean slope at small angles.
+Slopes = Mapping[str, Mapping[str, float]]
 
 
 def unusual_content(
@@ -36,12 +44,25 @@ def unusual_content(
     small = curves(database, ANGLES)
     carried = any(part["kind"] == "rotor" for part in database.parts.values())
     carried |= database.reference.pressure is not None
-    if not small or carried or not np.ptp(small["C_lift"]) > ROUNDING:
+    if not small or carried:
         return ()
+    channels = small_angles(database, database.inputs)
+    slopes = {
+        name: {
+            axis: float(np.mean(values))
+            for axis, values in slopes_by(database, name, channels).items()
+        }
+        for name in dict.fromkeys(("beta", *_SLOPES))
+        if name == "beta" or name in database.inputs
+    }
+    sideways = _sideways(database, slopes)
+    if not np.ptp(small["C_lift"]) > ROUNDING:
+        return tuple(sideways)
     return (
+        *sideways,
         *_drag(small["C_drag"]),
         *_lift(database, float(np.ptp(small["C_lift"])), small["C_lift"]),
-        *_moments(database, small["Cm"]),
+        *_moments(database, small["Cm"], slopes),
         *_reference(database, cg),
     )
 
@@ -52,11 +73,16 @@ def _drag(drag: np.ndarray) -> list[str]:
     return []
 
 
+def _wing(ratio: float) -> float:
+    """Lift slope [1/rad] of a wing of this aspect ratio (Helmbold)."""
+    return 2.0 * math.pi * ratio / (2.0 + math.hypot(ratio, 2.0))
+
+
 def _lift(database: AeroDatabase, change: float, lift: np.ndarray) -> list[str]:
     size = database.reference
     slope = math.copysign(change, float(lift[-1] - lift[0])) / float(np.ptp(ANGLES))
     ratio = size.span**2 / size.area
-    wing = 2.0 * math.pi * ratio / (2.0 + math.hypot(ratio, 2.0))  # Helmbold
+    wing = _wing(ratio)
     shown = f"C_lift_alpha is {slope:.3g} per rad, that of such a wing {wing:.2g}"
     if slope < 0.0:
         return [f"{shown}: lift has the other sign"]
@@ -67,16 +93,21 @@ def _lift(database: AeroDatabase, change: float, lift: np.ndarray) -> list[str]:
     return []
 
 
-def _moments(database: AeroDatabase, cm: np.ndarray) -> list[str]:
-    channels = small_angles(database, database.inputs)
-    slopes: dict[str, dict[str, float]] = {
-        name: {
-            axis: float(np.mean(values))
-            for axis, values in slopes_by(database, name, channels).items()
-        }
-        for name in ("beta", "p", "q", "r")
-        if name == "beta" or name in database.inputs
-    }
+def _sideways(database: AeroDatabase, slopes: Slopes) -> list[str]:
+    """What lift by sideslip is, and side force that grows with it."""
+    beta, size = slopes["beta"], database.reference
+    lift = abs(beta.get("CZ", 0.0))
+    if lift > _SIDEWAYS * _wing(size.span**2 / size.area):
+        return [
+            f"C_lift changes with sideslip by {lift:.3g} per rad: alpha and beta are exchanged, or"
+            " lift and side force"
+        ]
+    if (side := beta.get("CY", 0.0)) > ROUNDING:
+        return [f"CY_beta is {side:.3g} per rad: side force opposes sideslip, its sign is another"]
+    return []
+
+
+def _moments(database: AeroDatabase, cm: np.ndarray, slopes: Slopes) -> list[str]:
     excited = [
         words
         for axis, (rate, words) in _DAMPING.items()
@@ -95,6 +126,19 @@ def _moments(database: AeroDatabase, cm: np.ndarray) -> list[str]:
         found.append(
             "roll rate or sideslip act on Cl as on Cn, and on Cn as on Cl: the two axes are"
             " exchanged"
+        )
+    pitch = slopes.get("q", {})
+    if abs(pitch.get("Cl", 0.0)) > abs(pitch.get("Cm", 0.0)):
+        found.append("pitch rate acts on Cl more than on Cm: the two axes are exchanged")
+    aileron, rudder = (slopes.get(name, {}) for name in ("delta_aileron", "delta_rudder"))
+    if (
+        aileron
+        and abs(rudder.get("Cl", 0.0)) > abs(aileron.get("Cl", 0.0))
+        and abs(aileron.get("Cn", 0.0)) > abs(rudder.get("Cn", 0.0))
+    ):
+        found.append(
+            "the rudder rolls more than the aileron, and the aileron yaws more than the rudder: the"
+            " two are exchanged"
         )
     of_pitch = [term for term in database.terms if term.axis in ("Cm", "MY")]
     by_alpha = any("alpha" in uses(database, term.expression) for term in of_pitch)

@@ -194,7 +194,7 @@ def test_a_delay_that_begins_in_flight_is_told_with_its_time(flight: Pair) -> No
 @pytest.mark.parametrize(("size", "told"), [(0.5, True), (2.8, False)])
 def test_a_delay_is_told_as_far_as_its_first_order_reaches(size: float, told: bool) -> None:
     fault = Fault("alpha", "delay", ALWAYS, {}, {"CZ": 0.5, "Cm": 0.3}, size, 0.01, 50.0)
-    assert fault.is_large(True, True) == told
+    assert fault.is_large(likeliest=True, alone=True, beyond=False) == told
 
 
 def test_a_gain_that_grows_is_told_with_its_size(flight: Pair) -> None:
