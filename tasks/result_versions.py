@@ -15,9 +15,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 3,
     "fly": 7,
     "estimate": 22,
-    "update": 30,
+    "update": 31,
     "gram": 21,
-    "close_loop": 66,
+    "close_loop": 67,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

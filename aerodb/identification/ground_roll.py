@@ -174,6 +174,8 @@ def fitted_roll(
     """
     own = [name for name in model.flight.parameters if name in model.parameters.names]
     begun = _in_crosswinds(_near_friction(model, records), records)
+    if not any(begun.parameters[name].free for name in own):
+        return function(begun, records)
     held = tuple(
         replace(item, free=False) if item.name in own else item for item in begun.parameters.items
     )

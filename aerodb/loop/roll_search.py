@@ -11,7 +11,7 @@ that slows a roll.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from statistics import NormalDist
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 
@@ -106,6 +106,7 @@ class _Search:
         self.findings: list[Finding] = []
         self.joint: Fit | None = None
         self.notes: dict[str, str] = {}
+        self.votes: dict[tuple[Any, ...], tuple[Vote, ...]] = {}
         alone = roll_fit(function, rolls, (), database)
         self.start = {e.name: e.value for e in alone.estimates if np.isfinite(e.value)}
 
@@ -196,6 +197,12 @@ class _Search:
     def _votes(self, name: str, fit: Fit) -> tuple[Vote, ...]:
         """The change that each flight wants, beside the values of the others."""
         held = {n: fit[n].value for n in self.taken if n != name}
+        asked = (name, *sorted(held.items()))
+        if asked not in self.votes:
+            self.votes[asked] = self._voted(name, held)
+        return self.votes[asked]
+
+    def _voted(self, name: str, held: Mapping[str, float]) -> tuple[Vote, ...]:
         votes = []
         for flight in dict.fromkeys(self.rolls.flights[r.name] for r in self.rolls.records):
             alone = self.rolls.of([flight])

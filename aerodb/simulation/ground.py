@@ -32,7 +32,7 @@ class Standstill:
     samples: int
 
 
-def carrying_height(database: AeroDatabase, cg_z: float = 0.0) -> float:
+def carrying_height(database: AeroDatabase, cg_z: float) -> float:
     """Return a height [m] of the centre of gravity (`cg_z` [m] below the vehicle's datum) above
     ground at which all legs touch it, level.
 
@@ -56,9 +56,7 @@ def vertical(rates: Array, phi: Array, theta: Array) -> Array:
     return np.asarray(level * np.cos(theta) - u * np.sin(theta))
 
 
-def standstill(
-    run: Simulation, database: AeroDatabase, cg: Sequence[float] = (0.0, 0.0, 0.0)
-) -> Standstill | None:
+def standstill(run: Simulation, database: AeroDatabase, cg: Sequence[float]) -> Standstill | None:
     """Return when the first of several runs stands still on its legs, after it was moving; None
     where it does not.
 

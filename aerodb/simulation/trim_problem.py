@@ -357,7 +357,7 @@ def _ground_problem(
     model: FlightModel, condition: Condition, given: dict[str, float]
 ) -> TrimProblem:
     """The problem of a vehicle on its legs, with its inputs as they are given."""
-    carrying_height(model.database)  # it has legs
+    carrying_height(model.database, given.get("cg_z", 0.0))  # it has legs
     if given.get("ground_altitude", condition.altitude) != condition.altitude:
         raise InputError(
             "a ground altitude beside that of a start on the ground",

@@ -68,6 +68,9 @@ beta = -0.5
 beta = 0.05
 """
 )
+#: The same with the largest side force of JSBSim's main wheels, which no brake lessens: what is true of
+#: its rolls also before the brakes.
+AS_IN_JSBSIM: Final = WITH_AIR.replace('"0.6 - 0.2*brake"', "0.4")
 VEHICLE: Final = """\
 name = "wheels"
 [reference]

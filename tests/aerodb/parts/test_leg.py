@@ -26,6 +26,7 @@ STATE = (
     "height_above_ground",
 )  # fmt: skip
 LEVEL = 1.2 - MASSES["mass"] * 9.80665 / (3.0 * SPRING)  # m, height at which the springs carry
+DATUM = (0.0, 0.0, 0.0)  # m, where the centre of gravity is
 
 
 def by_hand(at: dict[str, float]) -> np.ndarray:
@@ -117,7 +118,7 @@ def test_a_ground_roll_is_that_of_jsbsim(mu: float, published: float) -> None:
     """The published distance is of another geometry, which is not printed."""
     pytest.importorskip("jsbsim")
     run = rolled(59.15, 45.0, brake=1.0, mu_brake=mu)
-    stands = standstill(run, read_native(THREE_WHEELS))
+    stands = standstill(run, read_native(THREE_WHEELS), DATUM)
     assert stands is not None
     time, distance = stopped_in_jsbsim(mu, 59.15, LEVEL)
     assert stands.time == pytest.approx(time, rel=1e-3)
@@ -197,7 +198,7 @@ def test_a_roll_ends_at_its_standstill() -> None:
     model = flight_model(read_native(THREE_WHEELS))
     found = trim(model, Condition(4.0, 0.0, ground=True), MASSES)
     run = simulate(model, np.arange(0.0, 15.0, 0.01), found.start, found.series)
-    stands = standstill(run, model.database)
+    stands = standstill(run, model.database, DATUM)
     assert stands is not None
     slows = ROLLING * 9.80665
     assert stands.time == pytest.approx(4.0 / slows, rel=2e-3)
@@ -206,8 +207,8 @@ def test_a_roll_ends_at_its_standstill() -> None:
 
 def test_what_rests_or_rolls_on_has_no_standstill() -> None:
     own = read_native(THREE_WHEELS)
-    assert standstill(rolled(0.0, 5.0), own) is None
-    assert standstill(rolled(59.15, 5.0, brake=1.0), own) is None
+    assert standstill(rolled(0.0, 5.0), own, DATUM) is None
+    assert standstill(rolled(59.15, 5.0, brake=1.0), own, DATUM) is None
 
 
 def test_a_start_on_the_ground_needs_legs() -> None:
