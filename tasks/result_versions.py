@@ -14,10 +14,10 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 20,
     "import": 3,
     "fly": 7,
-    "estimate": 22,
-    "update": 31,
+    "estimate": 23,
+    "update": 32,
     "gram": 21,
-    "close_loop": 67,
+    "close_loop": 68,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

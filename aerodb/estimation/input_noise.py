@@ -7,7 +7,7 @@ Stefanski, JASA 89, 1994): what it changes is taken off. Noise of both signs lea
 order, and signs drawn for each sample leave no products of two deflections.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from math import comb
 from typing import Final
 
@@ -24,6 +24,64 @@ _LEAST: Final = 1e-3
 #: Least part of what the deflections tell that must be no noise, as for regressors of
 #: `aerodb.estimation.total_least_squares`.
 _RELIABLE: Final = 0.3
+
+#: Noise that moves no estimate by more than this, in standard errors for white noise, is left.
+_SMALL: Final = 0.1
+#: Move of an estimate, in the same unit, from which it is told.
+_TOLD: Final = 0.5
+
+#: Information (f, f) and gradient (f,) of a log-likelihood.
+Equations = tuple[Array, Array]
+
+
+def moved_by_noise(
+    noisier: Callable[[int], tuple[Equations, Equations] | None],
+    information: Array,
+    gradient: Array,
+    directions_of: Callable[[Array], Array],
+    draws: int,
+) -> Array | None:
+    """Return by how much noise of deflections has moved f estimates on average (f,), in their
+    units; None where that is little, or where what flies it has no end.
+
+    The same noise once more, drawn several times with both signs, tells it: each draw is one
+    Gauss-Newton step, so that initial states take up what they can, as they did of the noise that
+    is there (Cook & Stefanski, JASA 89, 1994).
+
+    Parameters
+    ----------
+    noisier : number of a draw -> equations with its noise once more, of both signs; None without
+        noise. information, gradient : at the estimates.
+    directions_of : information -> directions (f, j) in which the estimates can move, of unit length
+        in standard errors.
+    draws : how many.
+
+    Raises ValueError where noise is most of what moves the deflections.
+    """
+    directions = directions_of(information)
+    sigma = np.linalg.norm(directions, axis=1)
+    moves, more = list[Array](), np.zeros_like(information)
+    for draw in range(draws):
+        sides = noisier(draw)
+        if sides is None or not all(np.isfinite(own).all() for own, _ in sides):
+            return None
+        for own, score in sides:
+            turned = directions_of(own)
+            moves.append(turned @ (turned.T @ (score - gradient)))
+            more += (own - information) / (2 * draws)
+        if not draw and np.all(np.abs(moves) <= _SMALL * sigma):
+            return None
+    told_without_noise(directions, more)
+    return np.asarray(np.mean(moves, axis=0))
+
+
+def told_of_move(move: Array, directions: Array) -> tuple[str, ...]:
+    """Return a sentence on a move (f,) that is worth it, with the directions of `moved_by_noise`,
+    both in the units of the estimates."""
+    sigma = np.linalg.norm(directions, axis=1)
+    most = float(np.max(np.abs(move) / np.where(sigma > 0.0, sigma, np.inf), initial=0.0))
+    told = f"Noise of deflections moved estimates by up to {most:.1f} standard errors: taken off."
+    return (told,) if most > _TOLD else ()
 
 
 def deflection_noise(channels: Mapping[str, Array]) -> dict[str, float]:

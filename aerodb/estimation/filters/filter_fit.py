@@ -6,6 +6,7 @@ import numpy as np
 
 from aerodb.estimation.coloured_noise import autoregressive_noise
 from aerodb.estimation.filters.filter_problem import FilterProblem
+from aerodb.estimation.filters.noisy_inputs import without_input_noise
 from aerodb.estimation.filters.process_noise import NOT_NEEDED, ProcessNoiseTest
 from aerodb.estimation.filters.scoring import SINGULAR, Optimum
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
@@ -32,7 +33,8 @@ def fit_of(
     test: ProcessNoiseTest,
     disturbed: Sequence[int],
 ) -> Fit:
-    """Collect estimates (SI units), standings, residuals (n,) and notes.
+    """Collect estimates (SI units), standings, residuals (n,) and notes; what noise of deflections
+    does on average is taken off.
 
     Parameters
     ----------
@@ -41,7 +43,10 @@ def fit_of(
     problem, model = optimum.problem, optimum.problem.model
     unknown = model.parameters.unknown
     f = len(unknown)
-    why = _divergence(optimum)
+    why, taken_off = _divergence(optimum), tuple[str, ...]()
+    if not why:
+        optimum, taken_off = without_input_noise(optimum)
+        problem = optimum.problem
     white, coloured = covariances(problem, optimum)
     judged: Mapping[str, tuple[Standing, str]] = {item.name: ("diverged", why) for item in unknown}
     if not why:
@@ -60,7 +65,7 @@ def fit_of(
             )
             if seen.any() and np.isfinite(predicted[seen, j]).all()
         }
-    notes = [f"The search diverged: {why}."] if why else [_turbulence(test)]
+    notes = [f"The search diverged: {why}."] if why else [_turbulence(test), *taken_off]
     for name in model.outputs:
         tests[f"white innovations of {name}"], _ = ljung_box(
             [values[name] for values in residuals.values()] if not why else []

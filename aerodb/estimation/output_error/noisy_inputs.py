@@ -1,10 +1,8 @@
 """What noise of logged deflections does to a model that is simulated, and its correction.
 
 A deflection with noise moves the model by that noise too. A model with less effectiveness then fits
-better, and what the noise of one flight happened to be goes into the estimates. The same noise once
-more, drawn several times, tells both: what it does on average is taken off, and its scatter is
-added to the covariance (Cook & Stefanski, JASA 89, 1994). Each draw is one Gauss-Newton step, so
-that initial states take up what they can, as they did of the noise that is there.
+better, and what the noise of one flight happened to be goes into the estimates. What it does on
+average is taken off (`moved_by_noise`), and its scatter is added to the covariance.
 """
 
 from collections.abc import Sequence
@@ -14,7 +12,12 @@ from typing import Any, Final
 import numpy as np
 
 from aerodb.estimation.dynamic_model import DynamicModel
-from aerodb.estimation.input_noise import told_without_noise, with_noise_once_more
+from aerodb.estimation.input_noise import (
+    Equations,
+    moved_by_noise,
+    told_of_move,
+    with_noise_once_more,
+)
 from aerodb.estimation.output_error.gauss_newton import (
     OutputErrorSolution,
     equations_with,
@@ -31,10 +34,6 @@ _DRAWS: Final = 8
 #: Draws of which its scatter is taken: it has an error of an eighth, so that two standard errors
 #: hold what they say within half a per cent.
 _SCATTER_DRAWS: Final = 32
-#: Noise that moves no estimate by more than this, in standard errors for white noise, is left.
-_SMALL: Final = 0.1
-#: Move of an estimate, in the same unit, from which it is told.
-_TOLD: Final = 0.5
 
 
 def without_input_noise(
@@ -52,39 +51,36 @@ def without_input_noise(
         return as_it_is
     lower, upper = bounds_of(unknown)
     free = (solution.vector > lower) & (solution.vector < upper)
-    directions = projected(solution.information, solution.normal, free)
-    sigma = np.linalg.norm(directions, axis=1)
     prior = solution.information - solution.normal.information
-    moves, more = list[Array](), np.zeros((f, f))
-    for draw in range(_DRAWS):
+
+    def noisier(draw: int) -> tuple[Equations, Equations] | None:
         sides = _noisier(model, records, solution, draw)
-        if sides is None or not all(np.isfinite(side.information).all() for side in sides):
-            return as_it_is
-        both = []
-        for side in sides:
-            own = projected(side.information + prior, side, free)
-            both.append(own @ (own.T @ (side.gradient - solution.normal.gradient)))
-            more += (side.information - solution.normal.information) / (2 * _DRAWS)
-        moves += both
-        if not draw and np.all(np.abs(both) <= _SMALL * sigma):
-            return as_it_is
+        if sides is None:
+            return None
+        first, second = ((side.information + prior, side.gradient) for side in sides)
+        return first, second
+
+    def directions_of(information: Array) -> Array:
+        return projected(information, solution.normal, free)
+
+    normal = solution.normal
     try:
-        told_without_noise(directions, more)
+        mean = moved_by_noise(noisier, solution.information, normal.gradient, directions_of, _DRAWS)
     except ValueError as error:
         return *as_it_is[:2], (f"Effects of controls may be too small: {error}.",)
-    mean = np.mean(moves, axis=0)
+    if mean is None:
+        return as_it_is
+    directions = directions_of(solution.information)
     vector = np.clip(solution.vector - mean, lower, upper)
     values = {item.name: float(value) for item, value in zip(unknown, vector, strict=True)}
     placed: Any = replace(model, parameters=model.parameters.changed(values))  # type: ignore[type-var]
     corrected = search(placed, records, _kind(solution), 0, solution.beside)
     if not np.isfinite(corrected.noise.log_likelihood):
         return as_it_is
-    most = float(np.max(np.abs(mean) / np.where(sigma > 0.0, sigma, np.inf)))
-    told = f"Noise of deflections moved estimates by up to {most:.1f} standard errors: taken off."
     return (
         replace(corrected, converged=True, iterations=solution.iterations),
         _scatter(model, records, solution, directions),
-        (told,) if most > _TOLD else (),
+        told_of_move(mean, directions),
     )
 
 

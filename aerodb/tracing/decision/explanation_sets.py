@@ -161,7 +161,12 @@ def _fitting(
         if rival in barred:
             continue
         apart = after.possible[rival] or not before.possible[rival]
-        if not twins[rival] and apart and after.gain[rival] >= lost * before.gain[rival]:
+        if (
+            not twins[rival]
+            and apart
+            and after.gain[rival] >= lost * before.gain[rival]
+            and not _takes_share(tests, terms, freed, index, rival, before)
+        ):
             continue  # a different defect, not a rival
         outside = implausible(tests, before, rival)
         if outside:
@@ -186,6 +191,24 @@ def _fitting(
             fitting.append(rival)
     fitting.sort(key=lambda i: -float(before.gain[i]))
     return fitting, fallen
+
+
+def _takes_share(
+    tests: CrossFlightTests,
+    terms: tuple[int, ...],
+    freed: tuple[int, ...],
+    index: int,
+    rival: int,
+    before: Tested,
+) -> bool:
+    """Return whether a hypothesis that explains more than a term, but is in no model, as it is
+    significant in too few flights, takes more than what counts as lost (`LOST`) of its gain: the
+    term's size is then partly that of the other."""
+    sensors = set(tests.campaign.sensors)
+    if index in sensors or before.gain[rival] <= before.gain[index]:
+        return False
+    given = (terms, (*freed, rival)) if rival in sensors else ((*terms, rival), freed)
+    return tests.gain(index, *given, ()) < (1.0 - LOST) * float(before.gain[index])
 
 
 def _levels_prefer(tests: CrossFlightTests, test: Tested, rival: int, index: int) -> bool:
