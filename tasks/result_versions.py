@@ -14,10 +14,10 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 20,
     "import": 3,
     "fly": 7,
-    "estimate": 23,
-    "update": 32,
+    "estimate": 24,
+    "update": 33,
     "gram": 21,
-    "close_loop": 68,
+    "close_loop": 69,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

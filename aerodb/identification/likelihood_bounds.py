@@ -12,7 +12,7 @@ Murphy & van der Vaart, On profile likelihood, Journal of the American Statistic
 95(450), 2000.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Any, Final
@@ -47,19 +47,25 @@ def with_bounds(
     """Return a fit in which parameters without an estimate say so, with the values that the
     records do not exclude, in the unit of each.
 
+    The others have their answers with these held. Their standard errors hold what a value that is
+    not excluded would change of them: a rolling friction that no record tells stands beside the
+    brakes' in each.
+
     function : the method, of a model and records. model : a `DynamicModel` that is a dataclass.
-    names : parameters that are examined; the others have their answers with these held.
+    names : parameters that are examined.
     """
     if not fit.converged:
         return fit
     loose: dict[str, tuple[float, float]] = {}
+    allowed: dict[str, list[Fit]] = {}
     estimates = {each.name: each for each in fit.estimates}
     for name in names:
         each = estimates[name]
         if each.standing not in ("estimated", "at bound"):
             continue
         item = model.parameters[name]
-        loss = partial(_loss, function, model, records, fit, item)
+        possible = list[Fit]()
+        loss = partial(_loss, function, model, records, fit, item, possible)
         if each.standing == "estimated":
             error = each.standard_error
             if error <= _KNOWN * abs(each.value):
@@ -70,12 +76,14 @@ def with_bounds(
             ):
                 continue
         loose[name] = (_end(loss, each.value, item.lower), _end(loss, each.value, item.upper))
+        allowed[name] = possible
     if not loose:
         return fit
     held = _held(model, fit, {n: _inside(model.parameters[n].value, loose[n]) for n in loose})
     again = function(held, records)
     if not again.converged:
         again = fit
+    again = _with_spread(again, fit, allowed.values())
     return replace(
         again,
         estimates=tuple(
@@ -99,11 +107,46 @@ def _loss(
     records: Sequence[TimeHistory],
     fit: Fit,
     item: Parameter,
+    possible: list[Fit],
     value: float,
 ) -> float:
-    """Log-likelihood lost where a parameter has this value and the others are fitted again."""
+    """Log-likelihood lost where a parameter has this value and the others are fitted again. A fit
+    that is not excluded is added to the possible ones."""
     again = function(_held(model, fit, {item.name: value}), records)
-    return fit.log_likelihood - again.log_likelihood if again.converged else np.inf
+    lost = fit.log_likelihood - again.log_likelihood if again.converged else np.inf
+    if lost < _EXCLUDED:
+        possible.append(again)
+    return lost
+
+
+def _with_spread(fit: Fit, joint: Fit, possible: Iterable[Sequence[Fit]]) -> Fit:
+    """The fit with standard errors that hold what parameters without an estimate leave open.
+
+    possible : of each, the fits that are not excluded: the farthest that an estimate lies from the
+    fit is two standard errors more. Where there are none, the errors are those of the joint fit.
+    """
+    more = np.zeros(len(fit.names))
+    for fits in possible:
+        for k, name in enumerate(fit.names):
+            if fits:
+                far = max(abs(other[name].value - fit[name].value) for other in fits) / 2.0
+            else:
+                far = np.sqrt(
+                    max(0.0, joint[name].standard_error ** 2 - fit[name].standard_error ** 2)
+                )
+            more[k] = np.hypot(more[k], np.nan_to_num(far))
+    larger = dict(zip(fit.names, more.tolist(), strict=True))
+    return replace(
+        fit,
+        estimates=tuple(
+            replace(
+                each,
+                standard_error=float(np.hypot(each.standard_error, larger.get(each.name, 0.0))),
+            )
+            for each in fit.estimates
+        ),
+        covariance=fit.covariance + np.diag(more**2),
+    )
 
 
 def _held(model: Any, fit: Fit, values: dict[str, float]) -> Any:

@@ -10,7 +10,7 @@ from aerodb.estimation.filters.noisy_inputs import without_input_noise
 from aerodb.estimation.filters.process_noise import NOT_NEEDED, ProcessNoiseTest
 from aerodb.estimation.filters.scoring import SINGULAR, Optimum
 from aerodb.estimation.fit import Fit, ParameterEstimate, Standing
-from aerodb.estimation.parameters import bounds_of, priors_of
+from aerodb.estimation.parameters import priors_of
 from aerodb.estimation.standing import standings
 from aerodb.estimation.time_history import elapsed
 from aerodb.estimation.whiteness import coloured_innovations, ljung_box
@@ -140,12 +140,9 @@ def covariances(problem: FilterProblem, optimum: Optimum) -> tuple[Array, Array]
     information, u = optimum.information, len(optimum.information)
     if not np.isfinite(information).all():
         return np.full((u, u), np.nan), np.full((u, u), np.nan)
-    lower, upper = bounds_of(problem.model.parameters.unknown)
-    f = len(lower)
-    inside = np.ones(u, dtype=bool)
-    inside[:f] = (optimum.point.vector > lower) & (optimum.point.vector < upper)
+    f = len(optimum.point.vector)
     size = np.sqrt(np.diag(information))
-    live = np.flatnonzero(inside & (size > 0.0))
+    live = np.flatnonzero(size > 0.0)  # with what a bound holds: it might be off it
     scale = size[live]
     values, vectors = np.linalg.eigh(information[np.ix_(live, live)] / np.outer(scale, scale))
     keep = values > SINGULAR * values.max(initial=0.0)

@@ -163,7 +163,7 @@ def fit_of(
     if not why:
         solution, added, taken_off = without_input_noise(model, records, solution)
         vector = solution.vector
-    found = _covariances(model.parameters, solution)
+    found = _covariances(solution)
     found = found._replace(coloured=found.coloured + added)
     white, coloured, own_information = found.white, found.coloured, np.diag(solution.information)
     judged: Mapping[str, tuple[Standing, str]] = {}
@@ -246,14 +246,13 @@ class _Covariances(NamedTuple):
         return max(self.independent - self.rank, 1.0)
 
 
-def _covariances(parameters: Parameters, solution: OutputErrorSolution) -> _Covariances:
+def _covariances(solution: OutputErrorSolution) -> _Covariances:
     f = len(solution.vector)
-    lower, upper = (np.array([getattr(u, side) for u in parameters.unknown]) for side in _SIDES)
-    inside = (solution.vector > lower) & (solution.vector < upper)
     if not solution.information.any():
         none = np.full((f, f), np.nan)
         return _Covariances(none, none, np.inf, 0)
-    directions = projected(solution.information, solution.normal, inside)
+    # What a bound holds might be off it: errors of the others count that, as those of regression.
+    directions = projected(solution.information, solution.normal, np.ones(f, dtype=bool))
     white, rank = directions @ directions.T, directions.shape[1]
     data, independent = coloured_information(
         solution.records, solution.responses, solution.noise, f, solution.beside
@@ -265,9 +264,6 @@ def _covariances(parameters: Parameters, solution: OutputErrorSolution) -> _Cova
     if solution.beside.cycles:
         white = white @ (solution.normal.scatter + prior) @ white
     return _Covariances(white * samples / max(samples - rank, 1.0), whole, independent, rank)
-
-
-_SIDES = ("lower", "upper")
 
 
 def _estimates(

@@ -168,6 +168,24 @@ def test_what_the_data_cannot_give_is_said_per_parameter():
     assert fit["bias_p"].standing == "fixed"
 
 
+def test_errors_of_the_others_count_what_a_bound_holds():
+    """A yaw damping that a bound keeps a little off is no better known than a free one."""
+    own = [Parameter("bias_p", 0.0, free=False)]
+    records = flown(np.random.default_rng(5), parameters_of(own), noise=(0.02, 0.02))
+    free = output_error(roll_and_yaw(parameters_of(own)), records)
+    end = free["Nr"].value - 0.2 * free["Nr"].standard_error
+    bound = Parameters(
+        tuple(
+            replace(item, value=end - 0.05, upper=end) if item.name == "Nr" else item
+            for item in parameters_of(own).items
+        )
+    )
+    fit = output_error(roll_and_yaw(bound), records)
+    assert fit["Nr"].standing == "at bound"
+    for name in ("Np", "Nd", "Lp"):
+        assert fit[name].standard_error == pytest.approx(free[name].standard_error, rel=0.05)
+
+
 def test_a_prior_adds_its_information():
     own = [Parameter("bias_p", 0.0, free=False)]
     records = flown(np.random.default_rng(4), parameters_of(own), noise=(0.02, 0.02))
