@@ -131,7 +131,7 @@ def test_a_dutch_roll_whose_sideslip_is_not_measured_from_records_of_two_rates(t
     assert any("subspace" in note for note in document["methods"][0]["notes"])
     assert any("dr is column delta_r, taken in rad" in note for note in document["notes"])
     page = path.read_text()
-    assert page.count("<figure>") == 2
+    assert page.count("<figure ") == 2
     assert found["Nbeta"]["unit"] == "1/s^2"
     assert found["CY"]["unit"] == "m/s^2/rad"
     assert found["initial_beta[run0]"]["unit"] == "rad"

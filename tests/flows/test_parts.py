@@ -61,7 +61,7 @@ def test_it_flies_a_manoeuvre_from_its_trim(workspace: Path, tmp_path: Path) -> 
     flown = asked(
         workspace, "version", "fly", "v0001", "--manoeuvre", str(file), "--output", str(page)
     )
-    assert page.read_text(encoding="utf-8").count("<figure>") == 1
+    assert page.read_text(encoding="utf-8").count("<figure ") == 1
     assert flown["ended"] == pytest.approx(30.0)
     start, least, greatest = flown["responses"]["alpha"]
     assert least < start - 0.01
