@@ -10,15 +10,16 @@ from typing import Final
 import numpy as np
 
 from aerodb.estimation.filters.filter_problem import FilterProblem, Point
-from aerodb.estimation.filters.scoring import SINGULAR, Optimum, scored
+from aerodb.estimation.filters.scoring import Optimum, scored
 from aerodb.estimation.input_noise import (
     Equations,
     moved_by_noise,
     told_of_move,
     with_noise_once_more,
 )
+from aerodb.estimation.output_error import no_equations, projected
 from aerodb.estimation.parameters import bounds_of
-from aerodb.support import Array, Mask
+from aerodb.support import Array
 
 #: Draws of the noise, each with both signs; fewer than of output error, as a filter takes seconds
 #: for each.
@@ -50,7 +51,7 @@ def without_input_noise(optimum: Optimum) -> tuple[Optimum, tuple[str, ...]]:
         return sides[0], sides[1]
 
     def directions_of(information: Array) -> Array:
-        return _directions(information, free)
+        return projected(information, no_equations(f), free)
 
     information, gradient = _equations(problem, point)
     try:
@@ -71,15 +72,3 @@ def _equations(problem: FilterProblem, point: Point) -> Equations:
     found, gradient = scored(problem, point)
     f = len(gradient)
     return found.information[:f, :f], gradient
-
-
-def _directions(information: Array, free: Mask) -> Array:
-    """Directions (f, j) in which free parameters can move, of unit length in standard errors."""
-    size = np.sqrt(np.diag(information))
-    live = np.flatnonzero(free & (size > 0.0))
-    scale = size[live]
-    values, vectors = np.linalg.eigh(information[np.ix_(live, live)] / np.outer(scale, scale))
-    keep = values > SINGULAR * values.max(initial=0.0)
-    directions = np.zeros((len(free), int(keep.sum())))
-    directions[live] = vectors[:, keep] / np.sqrt(values[keep]) / scale[:, None]
-    return directions

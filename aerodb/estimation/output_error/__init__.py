@@ -15,7 +15,8 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .gauss_newton import search
+    from .gauss_newton import projected, search
+    from .likelihood import no_equations
     from .multiple_shooting import multiple_shooting
     from .output_error import output_error
     from .refinement import nonlinear_refinement

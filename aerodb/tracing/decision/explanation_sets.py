@@ -201,9 +201,9 @@ def _takes_share(
     rival: int,
     before: Tested,
 ) -> bool:
-    """Return whether a hypothesis that explains more than a term, but is in no model, as it is
-    significant in too few flights, takes more than what counts as lost (`LOST`) of its gain: the
-    term's size is then partly that of the other."""
+    """Return whether a hypothesis that explains more than a term takes more than a quarter (`LOST`)
+    of its gain: the term's size is then partly that of the other. The other is in no model, where
+    too few flights make it significant."""
     sensors = set(tests.campaign.sensors)
     if index in sensors or before.gain[rival] <= before.gain[index]:
         return False
