@@ -19,13 +19,16 @@ _TRADE: Final = UnitSystem("aero")
 #: Unit of the figures of an oscillation, by what a band is `of`.
 _FIGURES: Final = {"period": "s", "half_time": "s", "damping": ""}
 #: What a check without a paragraph says in its place.
-UNCHECKED: Final = "paragraph not checked"
+UNCHECKED: Final = "no paragraph"
+#: What a paragraph says of itself that nobody compared with the text.
+NOT_COMPARED: Final = "not compared with the text"
 
 #: Most rows of a page's table.
 MOST_ROWS: Final = 100
 
 _CASE: Final = (
-    "test", "title", "condition asked for", "not judged", "check", "flight", "manoeuvre",
+    "test", "compared with the text", "title", "condition asked for", "not judged", "check",
+    "flight", "manoeuvre",
     "from [s]", "to [s]", "true airspeed [kt]", "altitude [ft]", "mass [kg]", "configuration",
     "tolerance", "time inside required [%]",
 )  # fmt: skip
@@ -124,13 +127,14 @@ def qualification_csv(summary: Mapping[str, Any], version: str, baseline: str) -
     header = [*_CASE, *(f"{label}: {column}" for label in versions for column in _OUTCOME)]
     rows: list[list[object]] = []
     for case in _in_order(summary):
-        test = tests.get(case["test"], {"title": "", "condition": "", "not_judged": ""})
+        test = tests.get(case["test"], {})
         where = case["condition"] or {"V": None, "altitude": None, "mass": None}
         required = case["required"]
         rows.append(
             [
                 case["test"] or UNCHECKED,
-                *(test[key] for key in ("title", "condition", "not_judged")),
+                _compared(test) if test else "",
+                *(test.get(key, "") for key in ("title", "condition", "not_judged")),
                 case["check"],
                 case["name"],
                 case["kind"],
@@ -147,13 +151,13 @@ def qualification_csv(summary: Mapping[str, Any], version: str, baseline: str) -
             ]
         )
     for test in summary.get("not_covered", ()):
-        cells = [test["number"], test["title"], test["condition"]]
+        cells = [test["number"], _compared(test), test["title"], test["condition"]]
         rows.append(_padded(cells, ["not covered"] * len(versions)))
     for each in summary["not_flown"]:
-        cells = ["", each["reason"], "", "", "", each["name"], "", f"{each['since']:.2f}"]
+        cells = ["", "", each["reason"], "", "", "", each["name"], "", f"{each['since']:.2f}"]
         rows.append(_padded([*cells, f"{each['until']:.2f}"], ["not flown"] * len(versions)))
     for told in (*feedback_words(summary), *standard_words(summary)):
-        rows.append(_padded(["note", told], [""] * len(versions)))
+        rows.append(_padded(["note", "", told], [""] * len(versions)))
     return csv_text(header, rows)
 
 
@@ -166,14 +170,23 @@ def _padded(cells: Sequence[str], results: Iterable[str]) -> list[object]:
 
 
 def standard_words(summary: Mapping[str, Any]) -> list[str]:
-    """Return in sentences which text the numbers of the tests are of, which were not checked, and
-    which part of a tolerance nobody judged."""
+    """Return in sentences which text the numbers of the tests are of, what of each was compared
+    with it, with which standards nothing was, and which part of a tolerance nobody judged."""
     standard = summary.get("standard")
     if not standard or not standard["source"]:
         return []
     words = [f"Numbers of tests: {standard['source']}."]
-    if standard["unchecked"]:
-        words.append(f"Paragraphs of {' and '.join(standard['unchecked'])} were not checked.")
+    compared: dict[str, list[str]] = {}
+    for test in standard["tests"]:
+        compared.setdefault(_compared(test), []).append(test["number"])
+    for what in sorted(compared, key=lambda what: (what == NOT_COMPARED, -len(what))):
+        numbers = _ranges(compared[what])
+        words.append(
+            f"Not compared with that text: {numbers}."
+            if what == NOT_COMPARED
+            else f"Compared with that text, {what}: {numbers}."
+        )
+    words += [f"Nothing was compared with {each}." for each in standard["unchecked"]]
     used = {case["test"] for case in summary["cases"]}
     words += [
         f"Not judged in {test['number']}: {test['not_judged']}."
@@ -181,6 +194,11 @@ def standard_words(summary: Mapping[str, Any]) -> list[str]:
         if test["not_judged"] and test["number"] in used
     ]
     return words
+
+
+def _compared(test: Mapping[str, Any]) -> str:
+    """What of a paragraph was compared with the standard's text."""
+    return test.get("compared") or NOT_COMPARED
 
 
 def uncovered_words(summary: Mapping[str, Any]) -> str:

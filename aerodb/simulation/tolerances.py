@@ -87,12 +87,13 @@ class ToleranceCheck:
 @dataclass(frozen=True)
 class StandardTest:
     """A test of a standard: number of its paragraph, title, the flight condition that it asks for,
-    and what of its tolerance no check judges."""
+    what of its tolerance no check judges, and what was compared with the standard's text."""
 
     number: str
     title: str
     condition: str = ""
     not_judged: str = ""
+    compared: str = ""
 
 
 @dataclass(frozen=True)
@@ -181,7 +182,7 @@ def parse_tolerances(text: str, where: str = "tolerances") -> Tolerances:
 
 
 def _test(entry: Mapping[str, Any], where: str) -> StandardTest:
-    _known(entry, ("number", "title", "condition", "not_judged"), where)
+    _known(entry, ("number", "title", "condition", "not_judged", "compared"), where)
     if not entry.get("number"):
         raise InputError("has no number", where, 'for example number = "2.c.10"')
     return StandardTest(**{name: str(value) for name, value in {"title": "", **entry}.items()})

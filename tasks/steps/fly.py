@@ -175,7 +175,7 @@ def fly_version(
 
 def standard_document(limits: Tolerances) -> dict[str, Any]:
     """Return the standard that tolerances are of: source, unchecked, tests (number, title,
-    condition, not_judged); all are text."""
+    condition, not_judged, compared); all are text."""
     return {
         "source": limits.source,
         "unchecked": list(limits.unchecked),

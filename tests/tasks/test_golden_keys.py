@@ -36,7 +36,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "compare": (20, "7071cd8890a99643", "75ab953bf9aaf46f"),
     "gram": (21, "dd5a993b86bcf7b8", "a41b3127f3bfd9d7"),
     "close_loop": (69, "9b392fbfcbce6575", "b7cd226038e57476"),
-    "fly": (7, "c686c2c43f98f6fc", "c1e07fb83cde1a03"),
+    "fly": (7, "3f869b9f97aaa17d", "c1e07fb83cde1a03"),
     "import": (3, "2c4d0454b27962f7", "15d078bd64552f53"),
     "estimate": (24, "f2ccfa169ab73ff7", "be09817f5df27dda"),
     "update": (33, "e7115dda4caa4d1a", "6b1983884f9e9ae7"),

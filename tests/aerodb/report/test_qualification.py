@@ -97,9 +97,33 @@ def test_what_no_flight_covers_is_listed(summary: dict[str, Any]) -> None:
     assert "2.c.10" not in left
     assert len(left) == 17
     assert left[:2] == ["2.c.1", "2.c.2"]
-    assert standard_words(summary)[1] == (
-        "Paragraphs of AC 120-40B, appendix 2 and CS-FSTD(A) were not checked."
-    )
+
+
+def test_every_paragraph_says_what_of_it_was_compared_with_which_text(
+    summary: dict[str, Any],
+) -> None:
+    said = standard_words(summary)
+    assert said[:6] == [
+        "Numbers of tests: 14 CFR part 60, appendix A, table A2A, edition of 1 January 2014.",
+        "Compared with that text, tolerance, title and flight condition: "
+        "2.c.9-10, 2.d.2, 2.d.4, 2.d.6-7.",
+        "Compared with that text, title and flight condition: "
+        "2.c.1-4, 2.c.6-7, 2.d.1, 2.d.5, 2.d.8.",
+        "Compared with that text, title: 2.c.5, 2.c.8, 2.d.3.",
+        "Nothing was compared with AC 120-40B, appendix 2.",
+        "Nothing was compared with CS-FSTD(A).",
+    ]
+    summary["standard"]["tests"][0]["compared"] = ""  # somebody's own paragraph
+    assert "Not compared with that text: 2.c.1." in standard_words(summary)
+    rows = csv.DictReader(io.StringIO(qualification_csv(summary, "v0002", "")))
+    compared = {row["test"]: row["compared with the text"] for row in rows}
+    assert compared["2.c.10"] == "tolerance, title and flight condition"
+    assert compared["2.c.5"] == "title"
+
+
+def test_a_paragraph_that_judges_has_its_tolerance_compared() -> None:
+    judged = {check.test for check in LIMITS.checks if check.test}
+    assert judged == {test.number for test in LIMITS.tests if test.compared.startswith("tolerance")}
 
 
 def test_the_csv_has_a_row_per_case_and_per_test_that_is_missing(summary: dict[str, Any]) -> None:
