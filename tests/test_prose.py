@@ -50,16 +50,6 @@ def test_code_and_quantities_are_one_word_each() -> None:
     ]
 
 
-def test_what_is_left_may_only_fall() -> None:
-    fault = prose.Fault("a.md", 1, prose.LONG, LONG)
-    assert prose.broken([fault], {"a.md": 1}) == []
-    assert prose.broken([fault], {}) == [str(fault)]
-    assert "shorten the new ones" in prose.broken([fault, fault], {"a.md": 1})[-1]
-    assert "only 1 long sentences" in prose.broken([fault], {"a.md": 2})[-1]
-    word = prose.Fault("a.md", 1, "say another explanation", "a rival of it")
-    assert prose.broken([word], {"a.md": 1})[0] == str(word)
-
-
 def test_every_kind_of_file_is_read() -> None:
     texts = {path: list(found) for path, found in prose.read()}
     kinds = Counter(Path(path).suffix for path in texts)

@@ -25,8 +25,8 @@ SAMPLES_PER_PERIOD = 10.0
 #: Least share of a channel's motion in the band that its kinematics must explain for a delay to be
 #: accepted.
 LEAST_EXPLAINED = 0.95
-#: Largest deviation from one of a channel's scale relative to its kinematics: beyond it, something
-#: other than a delay is at work; a vane at a long boom is left with as much without a correction
+#: Largest deviation from one of a channel's scale relative to its kinematics. Beyond it, something
+#: other than a delay is at work. A vane at a long boom is left with as much without a correction
 #: (position errors: Gracey, NACA TN 4351, 1958).
 SCALE_TOLERANCE = 0.15
 

@@ -39,8 +39,8 @@ ABSOLUTE_CHANNELS = ("V", "qbar", "altitude", "phi", "theta", "psi", "latitude",
 RELATIVE_CHANNELS = ("ax", "ax_imu", "north", "east")
 #: What storing numbers in single precision costs, relative to the largest.
 _SINGLE_PRECISION = 1e-6
-#: Time constant of the low pass before turning points are looked for [s]; it reaches four of them
-#: to each side, and so far from ends and flags nothing is compared.
+#: Time constant of the low pass before turning points are looked for [s]. It reaches four of them
+#: to each side: so far from ends and flags nothing is compared.
 BLUR = 0.15
 #: Number of differences of height and of time in a mark.
 LENGTH = 5

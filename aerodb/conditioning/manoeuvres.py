@@ -18,15 +18,15 @@ from aerodb.support import Array
 DEGREE = np.pi / 180
 #: Largest range of a surface that is left alone [rad]; an input goes twice as far.
 ALONE = 0.225 * DEGREE
-#: Change of an angle that is made on purpose [rad]: a plain input, which pilots make all the time,
-#: a new position of a flap, another pitch.
+#: Change of an angle that is made on purpose [rad]: a plain input, a new position of a flap,
+#: another pitch. Pilots make such inputs all the time.
 INTENDED = 1.0 * DEGREE
 #: Time for which a surface, a position or a load factor is held to be one [s].
 HELD = 1.0
 #: Time over which a quiet surface is looked for [s]: the pulses of a doublet rest no longer.
 QUIET = 0.8
-#: Time after which a state has settled: a new trim, steady flight, a stay on the ground [s];
-#: shorter records determine no state of their own.
+#: Time after which a state has settled: a new trim, steady flight, a stay on the ground [s].
+#: Shorter records determine no state of their own.
 SETTLED = 5.0
 #: How many times the motion around it an input must be, not to follow from it.
 ABOVE_ACTIVITY = 4.0

@@ -104,8 +104,8 @@ LIFT_LOST = 0.10
 STALL_TIME = 0.3
 #: Range of alpha that the straight line of lift needs [rad].
 LINE_RANGE = 4.0 * DEGREE
-#: Load factor above one, compensated for bank, from which on a flight pulls up, and below one, as
-#: measured, from which on it pushes over [g].
+#: Load factor above one, compensated for bank, from which on a flight pulls up [g]. Below one, as
+#: measured, that from which on it pushes over.
 LOAD_CHANGE = 0.5
 #: Least time of a motion that is left to itself: steady flight, a spiral, a phugoid [s].
 UNDISTURBED = 10.0

@@ -31,7 +31,7 @@ STEADY_WIND_TIME: Final = 300.0
 #: Range of altitude [m] over which it is.
 STEADY_WIND_ALTITUDE: Final = 300.0
 
-#: Flights longer than this (s) are reconstructed over a rotating earth: a gyro bias, constant in
+#: Flights longer than this (s) are reconstructed over a rotating earth. A gyro bias, constant in
 #: body axes, absorbs the earth's 15 deg/h only on a constant heading.
 ROTATING_EARTH_DURATION = 600.0
 

@@ -47,8 +47,8 @@ from aerodb.vehicle import Accuracy
 VerdictWord = Literal["good", "limited", "rejected"]
 _RANK: tuple[VerdictWord, ...] = ("good", "limited", "rejected")
 
-#: A residual of velocity over the earth, or of two attitude angles, beyond its limit by this factor
-#: is an error of the accelerations or rates.
+#: Factor of the limit from which a residual of velocity over the earth, or of two attitude angles,
+#: is an error of accelerations or rates.
 GROSS = 3.0
 #: Ratio of a limit of `[accuracy]` to the product's from which it is said with every verdict.
 WIDE = 10.0

@@ -19,8 +19,8 @@ from aerodb.tables import AeroDatabase, slopes_by
 
 #: Rates whose own moment damps them: axis -> rate.
 DAMPING: Final = {"Cl": "p", "Cm": "q", "Cn": "r"}
-#: Least share of an axis' variation in the baseline that a control's sign must have to count:
-#: smaller ones are not known from the wind tunnel either.
+#: Least share of an axis' variation in the baseline that a control's sign must have to count.
+#: Smaller ones are not known from the wind tunnel either.
 _SIGN_COUNTS = 0.05
 #: The same for the size of any derivative.
 _SIZE_COUNTS = 0.1

@@ -45,9 +45,9 @@ from aerodb.tracing import (
     trace_increment_models,
 )
 
-#: Part of the mean square error with the singles that the increment model must leave at most, on
-#: flights that did not estimate it, as it is and about each flight's mean: half, so that it is no
-#: matter of a few per cent of scale, which the errors of sensors leave too.
+#: Part of the mean square error with the singles that the increment model must leave at most. It
+#: counts on flights that did not estimate it, as it is and about each flight's mean. Half, so that
+#: it is no matter of a few per cent of scale, which the errors of sensors leave too.
 _MATERIAL: Final = 0.5
 #: Terms, the constant apart, from which effects are many: a single one is found by itself, or not.
 _MANY: Final = 2

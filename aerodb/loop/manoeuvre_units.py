@@ -26,7 +26,7 @@ from aerodb.tracing import (
 
 #: Verdicts that more votes could change.
 _TOO_FEW = ("not_testable",)
-#: Manoeuvres vote where the air rolls no faster than this part of the aircraft's own roll rate: it
+#: Manoeuvres vote where the air rolls no faster than this part of the aircraft's own roll rate. It
 #: can then change a damping by a tenth of itself at most. They have no error rate to be kept.
 _STILL = 0.1
 #: Axes on which units must be independent for a finding of that plane of motion.

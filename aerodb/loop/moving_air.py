@@ -24,7 +24,7 @@ from aerodb.tracing import (
     trace,
 )
 
-#: The air evidently moves where it rolls more than half as fast as the aircraft: half of the roll
+#: The air evidently moves where it rolls more than half as fast as the aircraft. Half of the roll
 #: damping could then be air, if the aircraft follows it altogether.
 _MOVING: Final = 0.5
 

@@ -22,8 +22,8 @@ from aerodb.signals import rms
 from aerodb.support import CLAIM, DIFFERENCE, Array
 from aerodb.tables import AeroDatabase
 
-#: Least effect of a sensor's error on an axis, as a part of what the increments change there, with
-#: which it is a rival of theirs.
+#: Least effect of a sensor's error on an axis with which it is a rival of the increments: a part of
+#: what they change.
 _LEAST: Final = 0.1
 #: Share of a change's mean square from which an error explains all of it (dimensionless).
 #: An increment with noise leaves as much.

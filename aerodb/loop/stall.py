@@ -45,7 +45,7 @@ from aerodb.vehicle import Vehicle
 EFFECT: Final = "stall_hysteresis"
 #: The family of shapes: fixed before a residual is looked at, as its numbers cannot be.
 FAMILY: Final = "kirchhoff"
-#: Part of the angle of attack of a stall from which a flight counts as one that stalls: lift does
+#: Part of the angle of attack of a stall from which a flight counts as one that stalls. Lift does
 #: not give way at one angle.
 NEAR: Final = 0.9
 #: Least way [rad] that a surface must go in every flight for its effect on the attached flow to be

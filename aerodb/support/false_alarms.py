@@ -9,7 +9,7 @@ from typing import Any, Final
 
 #: 95 % of a normal distribution lie within this many standard errors.
 TWO_SIDED: Final = 1.96
-#: Rate of a claim that a flight, a file or a database is wrong, where none is: a flight is asked
+#: Rate of a claim that a flight, a file or a database is wrong, where none is. A flight is asked
 #: some fifty times, so that one right flight in a hundred is suspected.
 CLAIM = 2e-4
 #: Rate at which a value is called different from another, and corrected or said: three standard

@@ -12,7 +12,7 @@ COLDEST = 170.0
 #: Hottest such air, that of the hottest desert, with a margin [K].
 HOTTEST = 335.0
 #: Largest share by which density, dynamic pressure and airspeed may differ from each other: 2 % of
-#: airspeed, twice, and density; moist air of 40 degC is 2.8 % lighter than dry air.
+#: airspeed, twice, and density. Moist air of 40 degC is 2.8 % lighter than dry air.
 AIR_DATA = 0.06
 #: Largest difference between altitude and pressure altitude [m]: an altimeter setting of +-50 hPa,
 #: a ground 1000 m high.

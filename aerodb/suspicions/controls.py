@@ -43,7 +43,7 @@ from aerodb.suspicions.sides import side_suspicions
 from aerodb.suspicions.surfaces import Control, along, by_role, copied_suspicions, size_suspicions
 from aerodb.vehicle import Vehicle, lacks_airspeed
 
-#: Least and largest effect per rad of a whole control of this role: dCm/d delta of tailed aircraft
+#: Least and largest effect per rad of a whole control of this role. dCm/d delta of tailed aircraft
 #: is .5 to 3, dCl .03 to .4, dCn .03 to .3 (Roskam, Airplane Flight Dynamics, 1979, appendix C).
 EFFECT = {"pitch": (0.03, 12.0), "roll": (0.006, 1.6), "yaw": (0.006, 1.6)}
 #: Kind of suspicion of a surface that may have stood still: said, but no fault of the flight.

@@ -19,13 +19,13 @@ LIKELIER = likelihood_gain(CLAIM)
 #: gusts may hold the rest.
 EXPLAINED = 0.15
 #: Least share that a fit explains for a claim about a size, or for the claim that nothing is
-#: missing from it; least correlation for a claim about a sign without a fit.
+#: missing from it. Least correlation for a claim about a sign without a fit.
 WELL_EXPLAINED = 0.8
 #: Least share of a motion that a cause itself makes, for a claim about it.
 CAUSED = 0.4
 #: Least part of an axis, as the database has it, that a variable makes for a claim about it.
 PART = 0.05
-#: Largest variance inflation of a regressor for a claim about it: standard errors beyond five times
+#: Largest variance inflation of a regressor for a claim about it. Standard errors beyond five times
 #: those of independent regressors are as wrong as the regressors.
 INFLATION = 30.0
 #: Least and largest ratio of an effect to that expected (of a wing of this size, or of the

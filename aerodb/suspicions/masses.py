@@ -17,13 +17,13 @@ TRIANGLE = 0.1
 #: balls, a balloon, a paraglider and three whose inertia no body has.
 FLAT = 0.6
 #: Radius of gyration in roll over the span: the same aircraft have .10 to .29 (Roskam, Airplane
-#: Design V, 1985, appendix B: .10 to .20); half of it has all mass at the wing tips.
+#: Design V, 1985, appendix B: .10 to .20). Half of it has all mass at the wing tips.
 ROLL = (0.07, 0.36)
 #: Radii of gyration in pitch and yaw over the larger of span and chord: .10 to .69 of the same
 #: aircraft; flying wings have less.
 PITCH = (0.04, 0.8)
-#: Area over span times chord of one wing: at most 1 for the mean aerodynamic chord (c is the mean
-#: of c^2 over that of c), with the margin of other definitions; slender deltas have .5.
+#: Area over span times chord of one wing. At most 1 for the mean aerodynamic chord (c is the mean
+#: of c^2 over that of c). It has the margin of other definitions. Slender deltas have .5.
 AREA = (0.4, 1.5)
 #: Factor between constant mass properties and logged ones that fuel and loading do not explain.
 APART = 2.0

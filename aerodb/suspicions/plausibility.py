@@ -45,7 +45,7 @@ _SENSORS = ("p", "q", "r", *_ACCELERATIONS, "alpha", "beta", "phi", "theta")
 _ANGLES = ("alpha", "beta", "phi", "theta")
 #: Largest share of spikes that is looked for; more is noise.
 OFTEN = 0.2
-#: Largest median deviation of a load factor from its median: a channel near 1 that varies more is
+#: Largest median deviation of a load factor from its median. A channel near 1 that varies more is
 #: no load factor but an acceleration without gravity.
 LOAD_SPREAD = 0.7
 #: Largest plausible distance of a centre of gravity from its datum [m], which may lie ahead of the

@@ -308,7 +308,7 @@ def page(
         run=run or (said[0] if said else "Run: never."),
         read=len(moved),
         still=sum(not count for count in moved.values()),
-        most=", ".join(f"`{name}` ({moved[name]})" for name in most[:MOST]) or "none",
+        most="\n".join(f"- `{name}` ({moved[name]})" for name in most[:MOST]) or "- none",
     )
     return "\n".join([head, *text])
 
@@ -357,13 +357,15 @@ Each was multiplied by .8 and by 1.25, alone, and the reduced campaigns were run
 On 2026-11-26, before constants that moved nothing were shared or left out, there were 313 of them.
 
 The campaigns read {read}; {still} of these change no decision at either factor.
-Most decisions change with {most}.
+Most decisions change with:
+
+{most}
 
 - A case is one flight, one pair of flights or one closed loop; *cases* counts those in which the constant is read.
 - *Changed* counts decisions that differ, of all decisions of these cases, then the largest relative change of a reported value.
 - *not read*: no case of the reduced campaigns comes to the constant; the full campaigns may.
 - A constant of several numbers is scaled as a whole; whole numbers change by one at least.
-- A share of .8 or more times 1.25 asks for all or more, and a factor of 1.1 times .8 for none: what they guard is then never, or always, said.
+- A share of .8 or more times 1.25 asks for all or more, and a factor of 1.1 times .8 for none. What they guard is then never, or always, said.
 - Cases of `ingest` are right flights and corrupted ones; `beside` compares them with the database of their vehicle.
 - Cases of `conditioning` have wild points, late channels and copies; cases of `consistency` have sensor offsets.
 - Cases of `loop` are closed loops with nothing or one error planted, with the gate asked about each candidate.

@@ -1,15 +1,12 @@
 """What `make lint` checks of the words that people read: short sentences, no private words.
 
 Read are messages in Python (the docstrings of commands are their help), the templates of the
-console and of reports, and the documents. `prose_left.toml` has the sentences that are still too
-long, a number per file, which may only fall.
+console and of reports, and the documents.
 """
 
 import ast
 import re
 import sys
-import tomllib
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from html.parser import HTMLParser
@@ -64,7 +61,6 @@ SKIPPED: Final[Mapping[str, str]] = {
 }
 #: The kind of a fault of length.
 LONG: Final = f"more than {LONGEST} words"
-LEFT: Final = Path(__file__).with_name("prose_left.toml")
 
 
 @dataclass(frozen=True)
@@ -286,32 +282,14 @@ def read(root: Path = ROOT) -> Iterator[tuple[str, Iterable[tuple[int, str]]]]:
             yield str(path.relative_to(root)), of_document(path.read_text("utf-8"))
 
 
-def broken(found: Iterable[Fault], left: Mapping[str, int]) -> list[str]:
-    """What the check says: faults beyond those left, and numbers that have fallen."""
-    found = list(found)
-    long = Counter(fault.path for fault in found if fault.kind == LONG)
-    said = [str(each) for each in found if each.kind != LONG or each.path not in left]
-    for path, number in left.items():
-        if long[path] > number:
-            said += [str(each) for each in found if each.path == path and each.kind == LONG]
-            said.append(
-                f"{path}: {long[path]} long sentences, {number} are left: shorten the new ones"
-            )
-        elif long[path] < number:
-            said.append(f"{path}: only {long[path]} long sentences: write so in {LEFT.name}")
-    return said
-
-
 def main() -> int:
     """Check everything; 1 if something is broken."""
-    left = tomllib.loads(LEFT.read_text("utf-8"))
-    found = [
-        fault
+    said = [
+        str(fault)
         for path, texts in read()
         if not path.startswith(tuple(SKIPPED))
         for fault in faults(path, texts)
     ]
-    said = broken(found, left)
     print("\n".join(said))
     return int(bool(said))
 

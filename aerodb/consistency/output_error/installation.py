@@ -38,8 +38,8 @@ FAR = standard_errors(CLAIM)
 #: air data better than delays and scales.
 BETTER = likelihood_gain(DIFFERENCE)
 
-#: Delays and scales that a wrong position of the vanes looks like, and their usual sizes: filters
-#: of vanes [s] (where the vehicle file states none), upwash beside a fuselage.
+#: Delays and scales that a wrong position of the vanes looks like, and their usual sizes. They are
+#: filters of vanes [s] (where the vehicle file states none), upwash beside a fuselage.
 ALIKE: Final = {
     "alpha_delay": 0.03,
     "alpha_scale": 0.2,

@@ -24,9 +24,9 @@ from aerodb.tracing.settings import TracingSettings
 
 #: Effects of an increment model, besides the constant of its axis.
 _MODEL: Final = frozenset({*LINEAR, "alpha_slope_break", "body_flap", "speed_brake", "flap"})
-#: p from which a term leaves: one whose estimate is smaller than its standard error predicts other
-#: flights worse than none at all would (Toro-Vizcarrondo & Wallace, JASA 63, 1968; Theil's adjusted
-#: R2 says the same).
+#: p from which a term leaves. One whose estimate is smaller than its standard error predicts other
+#: flights worse than none at all would. Theil's adjusted R2 says the same (Toro-Vizcarrondo &
+#: Wallace, JASA 63, 1968).
 _LEAVES: Final = 0.32
 #: Flights that an estimate needs here: what is claimed of a term is decided elsewhere.
 _ONE = 1

@@ -25,7 +25,7 @@ from aerodb.tracing.settings import TracingSettings
 
 #: Flights from which a slope over a condition is tested.
 FEWEST: Final = 5
-#: Share of the weighted sum of squares of a condition that one flight may hold: a slope that rests
+#: Share of the weighted sum of squares of a condition that one flight may hold. A slope that rests
 #: on one flight says nothing about others.
 _ONE_FLIGHT: Final = 0.75
 #: Claims at most.

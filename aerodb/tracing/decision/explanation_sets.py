@@ -28,8 +28,8 @@ from aerodb.tracing.estimates import Tested, paired_p, scatter_p
 
 #: Two findings cancel where together they leave less than this part of the sum of squares of each.
 _CANCELS = 0.25
-#: `LOST` where the finding is a sensor: a small effect is easily taken for the sensor that is
-#: nearly its twin, and then the sensor does not take all of its gain.
+#: `LOST` where the finding is a sensor. A small effect is easily taken for the sensor that is
+#: nearly its twin. Then the sensor does not take all of its gain.
 _LOST_TO_SENSOR = 0.5
 
 

@@ -29,7 +29,7 @@ _TRIED: Final = 4
 #: Ridge on a column of a function, in parts of its own information in a flight.
 _RIDGE: Final = 1e-2
 #: Least part of the remaining error of left-out flights by which a function or a finer shape must
-#: lower it: less is no flight's worth of table nodes.
+#: lower it. Less is no flight's worth of table nodes.
 WORTH: Final = 0.02
 #: Groups of flights that are predicted from all others: with more flights, several are one group.
 _GROUPS: Final = 10

@@ -29,8 +29,8 @@ HARMONIC: Final = 3.0
 #: VIF.
 INFLATION_LIMIT: Final = 1e4
 #: Share of the best unit's information that a unit needs to take part in a test. Flights of one
-#: programme are flown alike, manoeuvres are not: one made for another axis would add only noise to
-#: those made for this one, because all units count alike in the mean.
+#: programme are flown alike, manoeuvres are not. One made for another axis would add only noise to
+#: those made for this one: all units count alike in the mean.
 LEAST_SHARE: Final = 0.1
 #: Iterations of the weights of the fit.
 _ITERATIONS = 5

@@ -36,8 +36,8 @@ from aerodb.tracing.settings import TracingSettings
 
 #: Flights (or folds of them) from which shapes are compared, or a scatter is estimated.
 FEWEST_SHAPED: Final = 4
-#: Part of the gain of functions of its own variables that a term must reach to keep its name, and
-#: of a sensor's gain that a function must reach to stand beside it; `LOST` where the sensor gains
+#: Part of the gain of functions of its own variables that a term must reach to keep its name. Of a
+#: sensor's gain, that which a function must reach to stand beside it; `LOST` where the sensor gains
 #: on no other axis.
 _NEARLY: Final = 0.8
 #: Terms whose shapes a term may stand for together, as a combination of what both miss. Of 20 such

@@ -24,12 +24,12 @@ KNOWN = 1e9
 #: estimate.
 _LEAST_SIGNAL = 0.5
 #: The same for an estimate against no noise. The power of the noise is known to some 20 % (one draw
-#: against one flight, of some hundred samples each), so that with a quarter of noise it errs by
+#: against one flight, of some hundred samples each). With a quarter of noise the estimate errs by
 #: 10 % for it, with a half by 40 %.
 _LEAST_SIGNAL_EXTRAPOLATED = 0.75
 
-#: Share of noise in a column's power up to which it is noise for the greater part only where other
-#: columns are nearly collinear with it.
+#: Share of noise in a column's power. Up to it the column is noise for the greater part only where
+#: others are nearly collinear with it.
 _NOISY = 0.1
 
 #: Places of accepted terms, of freed and of fixed sensors, and of the terms whose shape may be

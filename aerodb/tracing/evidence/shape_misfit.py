@@ -24,7 +24,7 @@ from aerodb.tracing.evidence.evidence import Columns, Evidence
 #: One sigma of the change of an effect over one sigma of alpha or of its size, part of the effect.
 TOLERANCE: Final = 0.5
 #: Ending of a shape-misfit term's name -> least sigma of alpha [rad], and of the size [its own
-#: rms], that this is stated for: where it hardly moves, no shape shows.
+#: rms], that this is stated for. Where it hardly moves, no shape shows.
 LEAST: Final[Mapping[str, float]] = {"~alpha": 0.035, "~size": 0.3}
 #: Points at which regressors are compared.
 _POINTS: Final = 200
