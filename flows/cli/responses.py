@@ -80,9 +80,8 @@ def fly(
     if (flight is None) == (manoeuvre is None):
         raise InputError("name a flight or a manoeuvre", remedy="--flight F, or --manoeuvre FILE")
     if manoeuvre is not None:
-        if beside is not None:
-            raise InputError("--with is of flights", "version fly --manoeuvre", "leave it out")
-        _fly_manoeuvre(session, row, manoeuvre, stabilise, output)
+        other = beside_of(catalogue, row.vehicle, beside)
+        _fly_manoeuvre(session, row, manoeuvre, stabilise, output, other)
         return
     flown = catalogue.flight(str(flight), row.vehicle)
     parameters: dict[str, Any] = {
@@ -115,7 +114,12 @@ def fly(
 
 
 def _fly_manoeuvre(
-    session: Session, row: Any, file: Path, stabilise: bool, output: Path | None
+    session: Session,
+    row: Any,
+    file: Path,
+    stabilise: bool,
+    output: Path | None,
+    beside: dict[str, str],
 ) -> None:
     from aerodb.flows.fly import manoeuvre_flow
     from aerodb.report import channel_scale
@@ -125,6 +129,7 @@ def _fly_manoeuvre(
         "manoeuvre": _text(file),
         "stabilise": stabilise,
         "page": output is not None,
+        **beside,
     }
     document = session.run(manoeuvre_flow, parameters, direct=True)
     page = document.pop("page", None)

@@ -24,6 +24,7 @@ from aerodb.simulation import (
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.storage.files import read_results, write_results
 from aerodb.support import Array
+from aerodb.tables import AeroDatabase
 from aerodb.tasks.actors import user
 from aerodb.tasks.page_head import head_of_result
 from aerodb.tasks.stored_steps import StoredResult
@@ -45,12 +46,16 @@ def fly_manoeuvre(
     manoeuvre: str,
     stabilise: bool = True,
     page: bool = False,
+    beside: str = "",
 ) -> dict[str, Any]:
     """Trim a version (its id), fly a manoeuvre (text of its file), and store the responses.
 
-    Returns a document: version, key, manoeuvre, trim (`trim_document`), feedback, moved (input ->
-    least and greatest value), responses (channel -> start, least, greatest), ended [s], notes, of a
-    run that ends so ``standstill`` (time [s], distance [m]), and the HTML ``page`` if asked for.
+    beside : as of `WorkspaceAccess.flown_database`.
+
+    Returns a document: version, with (`beside`, where there is one), key, manoeuvre, trim
+    (`trim_document`), feedback, moved (input -> least and greatest value), responses (channel ->
+    start, least, greatest), ended [s], notes, of a run that ends so ``standstill`` (time [s],
+    distance [m]), and the HTML ``page`` if asked for.
     """
     access = access_workspace(workspace)
     row = access.catalogue.version_of_id(version)
@@ -61,11 +66,13 @@ def fly_manoeuvre(
         "stabilise": stabilise,
         "ground": "outside its effect",
     }
-    result = StoredResult(access, "fly", "simulation", {"version": version}, settings)
+    inputs = {"version": version, **({"beside": beside} if beside else {})}
+    result = StoredResult(access, "fly", "simulation", inputs, settings)
     path = result.stored()
     if path is None:
-        document, table = _flown(access.catalogue, row, stated, stabilise)
-        document |= {"key": result.key}
+        database = access.flown_database(version, beside)
+        document, table = _flown(access.catalogue, row, stated, stabilise, database)
+        document |= {"key": result.key, **({"with": beside} if beside else {})}
         result.keep(run, lambda path: write_results(path, table, {"document": document}))
     else:
         table, metadata = read_results(path)
@@ -92,14 +99,18 @@ def fly_manoeuvre(
 
 
 def _flown(
-    catalogue: Catalogue, row: VersionRow, stated: Manoeuvre, stabilise: bool
+    catalogue: Catalogue,
+    row: VersionRow,
+    stated: Manoeuvre,
+    stabilise: bool,
+    database: AeroDatabase,
 ) -> tuple[dict[str, Any], dict[str, np.ndarray]]:
     steady = StatedCondition(
         stated.condition,
         [f"{name}={value}" for name, value in stated.given.items()],
         thrust=stated.thrust or None,
     )
-    trimmed = trim_of(catalogue, row, steady)
+    trimmed = trim_of(catalogue, row, steady, database)
     model = trimmed.problem.model
     time: Array = np.arange(round(stated.duration / STEP) + 1, dtype=np.float64) * STEP
     moved = stated.series(time)
@@ -134,7 +145,7 @@ def _flown(
     document: dict[str, Any] = {
         "version": row.id,
         "manoeuvre": stated.name,
-        "trim": trim_document(catalogue, row, steady),
+        "trim": trim_document(catalogue, row, steady, database),
         "feedback": {f"{name}:{channel}": gain for (name, channel), gain in gains.items()},
         "moved": {
             name: [float(np.nanmin(simulated[name])), float(np.nanmax(simulated[name]))]

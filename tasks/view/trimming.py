@@ -122,14 +122,19 @@ def trim_of(
     return _Flown(catalogue, row, flight, database).trim()
 
 
-def trim_document(catalogue: Catalogue, row: VersionRow, flight: StatedCondition) -> dict[str, Any]:
-    """Trim a version.
+def trim_document(
+    catalogue: Catalogue,
+    row: VersionRow,
+    flight: StatedCondition,
+    database: AeroDatabase | None = None,
+) -> dict[str, Any]:
+    """Trim a version, or a `database` made of it.
 
     Returns a document: version, channels and inputs (name -> value [SI]), standard_errors (of
     both; None if the version has no estimates), controls and notes. Raises NoTrimError where there
     is none.
     """
-    return {"version": row.id, **_trim_part(_Flown(catalogue, row, flight).trim())}
+    return {"version": row.id, **_trim_part(_Flown(catalogue, row, flight, database).trim())}
 
 
 def modes_document(

@@ -159,10 +159,32 @@ def test_a_roll_flown_with_two_versions_is_that_of_one_with_both(workspace: Path
     assert names(workspace)["released-friction"] == "v0002"
 
 
+def test_a_manoeuvre_rolls_with_two_versions_as_with_one_that_has_both(workspace: Path) -> None:
+    """From 40 m/s with full brakes to the standstill, in the JSON answer by its schema."""
+    w = workspace / "w"
+    whole, braked = workspace / "both.toml", workspace / "braked.toml"
+    whole.write_text(WITH_AIR.replace(f"value = {BRAKES}", f"value = {BELIEVED}"), encoding="utf-8")
+    braked.write_text(
+        'duration = "60 s"\n[trim]\nV = "40 m/s"\naltitude = 0.0\nground = true\n[set]\nbrake = 1.0\n',
+        encoding="utf-8",
+    )
+    both = asked(w, "database", "import", str(whole), "--vehicle", "wheels")["label"]
+    flown = [
+        of_schema("version fly", asked(w, "version", "fly", *words, "--manoeuvre", str(braked)))
+        for words in ((both,), ("v0001", "--with", "v0002"), ("v0002", "--with", "v0001"))
+    ]
+    assert flown[0]["standstill"]["distance"] > 100.0
+    assert flown[0]["standstill"] == flown[1]["standstill"] == flown[2]["standstill"]
+    assert flown[0]["responses"] == flown[1]["responses"] == flown[2]["responses"]
+    assert "with" not in flown[0]
+    assert flown[1]["with"] == asked(w, "version", "show", "v0002")["version"]
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (("version", "fly", "v0002", "--flight", "0.csv"), "--with VERSION"),
+        (("version", "fly", "v0002", "--manoeuvre", "braked.toml"), "--with VERSION"),
         (("version", "fly", "v0001", "--with", "v0001", "--flight", "0.csv"), "none is of legs"),
         (
             ("version", "validate", "v0002", "--with", "v0002", "--flight", "0.csv"),
@@ -176,6 +198,10 @@ def test_a_roll_flown_with_two_versions_is_that_of_one_with_both(workspace: Path
 def test_what_cannot_be_composed_is_refused_with_what_to_do(
     workspace: Path, words: tuple[str, ...], said: str
 ) -> None:
+    (workspace / "braked.toml").write_text(
+        "[trim]\nV = 40.0\naltitude = 0.0\nground = true\n", encoding="utf-8"
+    )
+    words = tuple(str(workspace / word) if word.endswith(".toml") else word for word in words)
     done = aerodb(workspace / "w", *words)
     assert done.returncode not in (0, 1)
     assert said in done.stderr
