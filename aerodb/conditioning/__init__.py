@@ -43,7 +43,13 @@ if TYPE_CHECKING:
     )
     from .duplicates import FEWEST_MARKS, Shared, fingerprint, shared_samples
     from .failures import failures
-    from .ground_motion import ground_speed, places, wheel_speed
+    from .ground_motion import (
+        STEADY_WIND_ALTITUDE,
+        STEADY_WIND_TIME,
+        ground_speed,
+        places,
+        wheel_speed,
+    )
     from .local_gravity import local_gravity
     from .manoeuvres import SETTLED
     from .pitot import AIR, SLOW

@@ -21,7 +21,7 @@ from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import channel
 from aerodb.signals import integrated
-from aerodb.support import CLAIM, HINT, Array, Mask, likelihood_gain
+from aerodb.support import CLAIM, HINT, NEARLY_ALL, Array, Mask, likelihood_gain
 
 #: Time [s] over which slopes are compared: several periods of the motion of small aircraft.
 WINDOW: Final = 2.5
@@ -32,7 +32,7 @@ FEWEST_WINDOWS: Final = 6
 #: Fewest windows with and without an error, for it to be seen in a relation.
 FEWEST_SEEN: Final = 2
 #: Share of a window in which all that is needed must be usable.
-KNOWN: Final = 0.9
+KNOWN: Final = NEARLY_ALL
 #: Least error of an angle that is said [rad]: vanes beside a fuselage and attitude filters in turns
 #: err by 2 deg.
 LEAST_ANGLE: Final = 0.05

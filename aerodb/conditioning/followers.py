@@ -20,12 +20,12 @@ from aerodb.conditioning.pitot import MOST_WIND, SHOWN
 from aerodb.flight import Flight
 from aerodb.nomenclature import channel
 from aerodb.signals import bridge, integrated, runs
-from aerodb.support import Array, Mask
+from aerodb.support import QUARTER, Array, Mask
 
 #: How many times the usual disagreement a motion must be, for a sensor that does not show it.
 CLEAR: Final = 5.0
 #: Share of a flight at least in which a sensor is well, for what its disagreement usually is.
-WELL: Final = 0.25
+WELL: Final = QUARTER
 #: Time [s] within which a sensor leaps, rather than drifts.
 LEAP: Final = 0.5
 #: How many times the usual change within it that velocity does not explain, for a leap.

@@ -6,12 +6,11 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.special import bdtrc
 
+from aerodb.conditioning.pitot import SHORTEST
 from aerodb.flight import Flight
 from aerodb.signals import runs
 from aerodb.support import CLAIM, HINT, standard_errors
 
-#: Shortest such stretch that is told [s]: recorders that log slower than others repeat less.
-SHORTEST_FROZEN: Final = 1.0
 #: What an aircraft in flight cannot change within a sample.
 _ANGLES: Final = ("phi", "theta", "psi")
 _RATES: Final = ("p", "q", "r")
@@ -39,7 +38,7 @@ def frozen(flight: Flight) -> list[tuple[int, int]]:
     """
     moving = [n for n in flight.channels if n in _MOTION or n.removesuffix("_imu") in _MOTION]
     moving = [name for name in moving if np.ptp(flight[name]) > 0.0]
-    least = max(2, round(SHORTEST_FROZEN / flight.step))
+    least = max(2, round(SHORTEST / flight.step))
     if len(moving) < 4:
         return []
     same = np.ones(len(flight.time) - 1, dtype=bool)
@@ -88,5 +87,5 @@ def torn(flight: Flight) -> list[tuple[int, int]]:
     good = good[:-3] & good[1:-2] & good[2:-1] & good[3:] & turned
     at = np.flatnonzero(good & (votes >= least)) + 2
     chains = np.split(at, np.flatnonzero(np.diff(at) > width) + 1)
-    apart = SHORTEST_FROZEN / flight.step
+    apart = SHORTEST / flight.step
     return [(int(c[0]), int(c[-1])) for c in chains if c.size and c[-1] - c[0] > apart]

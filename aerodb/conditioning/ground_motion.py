@@ -13,6 +13,10 @@ from aerodb.support import Array
 _COUNTS: Final = ("on_ground",)
 #: Time over which a speed is taken from positions [s].
 _SPEED_WINDOW: Final = 4.0
+#: Duration [s] over which the wind of a flight is taken as constant.
+STEADY_WIND_TIME: Final = 300.0
+#: Range of altitude [m] over which it is.
+STEADY_WIND_ALTITUDE: Final = 300.0
 
 
 def ground_speed(flight: Flight) -> Array | None:

@@ -10,16 +10,16 @@ from aerodb.conditioning.local_gravity import local_gravity
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_command
 from aerodb.signals import bridge, integrated, runs
-from aerodb.support import Array, Mask
+from aerodb.support import HALF, NOTABLE, SUBSTANTIAL, Array, Mask
 
 #: Channels of one pitot tube: they fail together as far as they agree with each other.
 AIR: Final = ("V", "calibrated_airspeed", "qbar", "mach")
 #: Part of the flying speed by which wind along the track does not change within `GUST`. Gusts of
 #: thunderstorms reach a quarter of a slow airliner's (FAA AC 00-54).
-MOST_WIND: Final = 0.5
+MOST_WIND: Final = HALF
 #: Part of the record's high airspeed below which an aircraft is taken to stand or taxi, and air
 #: data are not compared.
-SLOW: Final = 0.3
+SLOW: Final = SUBSTANTIAL
 #: Airspeed [m/s] that nothing with wings stays below in flight.
 LEAST_AIRSPEED: Final = 6.0
 #: Time [s] over which wind along a straight track is taken as steady.
@@ -27,8 +27,8 @@ GUST: Final = 10.0
 #: Largest change of track [rad] over it for a straight one.
 STRAIGHT: Final = 0.2
 #: Part of the motion that a sensor must at least show; one that is dead shows noise alone.
-SHOWN: Final = 0.2
-#: Shortest failure that is told [s].
+SHOWN: Final = NOTABLE
+#: Shortest failure that is told [s]: recorders that log slower than others repeat less.
 SHORTEST: Final = 1.0
 
 

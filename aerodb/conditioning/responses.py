@@ -21,7 +21,7 @@ from aerodb.conditioning.manoeuvres import (
 )
 from aerodb.physics import GRAVITY
 from aerodb.signals import runs
-from aerodb.support import Array, Mask
+from aerodb.support import SMALL, Array, Mask
 
 
 @dataclass(frozen=True)
@@ -99,7 +99,7 @@ class _Sines:
 
 
 #: Lift short of its straight line, as a part of it, that is a stall.
-LIFT_LOST = 0.10
+LIFT_LOST = SMALL
 #: Least time for which a stall's lift is short [s].
 STALL_TIME = 0.3
 #: Range of alpha that the straight line of lift needs [rad].

@@ -41,7 +41,7 @@ from aerodb.conditioning.segment import STATES, Segment
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_command
 from aerodb.signals import bridge, runs
-from aerodb.support import Array, Mask
+from aerodb.support import HALF, SLIGHT, Array, Mask
 
 #: Height up to which it still rolls [m].
 ROLLING_HEIGHT = 4.0
@@ -57,14 +57,14 @@ _MOVED = (
 )
 CONFIGURATION: Final = re.compile(rf"delta_({_MOVED})(_left|_right)?")
 #: Difference of a new position of the gear, of its whole travel.
-GEAR_STEP = 0.05
+GEAR_STEP = SLIGHT
 #: Surfaces that aircraft are flown with.
 PRIMARY: Final = ("elevator", "aileron", "rudder", "elevon", "stabilator", "ruddervator", "canard")
 
 
 #: Share of the usual command of rotors above which they carry the aircraft: half the speed lifts a
 #: quarter of the weight.
-CARRYING: Final = 0.5
+CARRYING: Final = HALF
 #: Speed [m/s] below which a vehicle that rotors carry hovers: a tenth of what induces its thrust.
 HOVER_SPEED: Final = 1.0
 #: Shortest hover [s]: about what a multicopter needs to stop.

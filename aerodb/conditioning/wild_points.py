@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_surface
 from aerodb.signals import bridge
-from aerodb.support import Array, Mask
+from aerodb.support import SLIGHT, Array, Mask
 
 #: A spike departs from its neighbours by this many times the usual change between samples.
 SPIKE_FACTOR = 8.0
@@ -68,7 +68,7 @@ _MOVING = (
 #: Air data that are constant at rest, near zero.
 _STILL_AT_REST = ("V", "calibrated_airspeed", "qbar")
 #: Part of their largest value up to which they may be constant.
-_AT_REST = 0.05
+_AT_REST = SLIGHT
 #: Smallest departure, as part of a channel's physical range, that can be a spike.
 _FINEST = 2e-6
 

@@ -11,7 +11,7 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.conditioning import SETTLED, SLOW, local_gravity
+from aerodb.conditioning import SETTLED, SLOW, STEADY_WIND_ALTITUDE, STEADY_WIND_TIME, local_gravity
 from aerodb.consistency.earth_terms import over_flat_earth
 from aerodb.consistency.pressures import HOLES, angles_from_holes, static_pressure
 from aerodb.consistency.sensors import OUTPUTS, FlightRecord, installation_from_vehicle
@@ -25,11 +25,6 @@ from aerodb.vehicle import Vehicle, mass_channels, velocity_at_cg
 #: Gaps in the inertial channels up to this length (s) are bridged; longer ones end a record.
 SHORT_GAP = 0.2
 
-
-#: Duration [s] over which the wind of a flight is taken as constant.
-STEADY_WIND_TIME: Final = 300.0
-#: Range of altitude [m] over which it is.
-STEADY_WIND_ALTITUDE: Final = 300.0
 
 #: Flights longer than this (s) are reconstructed over a rotating earth. A gyro bias, constant in
 #: body axes, absorbs the earth's 15 deg/h only on a constant heading.

@@ -42,6 +42,7 @@ from aerodb.remarks import (
     Remark,
     sentences,
 )
+from aerodb.support import QUARTER
 from aerodb.vehicle import Accuracy
 
 VerdictWord = Literal["good", "limited", "rejected"]
@@ -54,7 +55,7 @@ GROSS = 3.0
 WIDE = 10.0
 
 #: Smallest fraction of a flight's records with moving air that limits the whole flight.
-LEAST_MOVING = 0.25
+LEAST_MOVING = QUARTER
 
 
 @dataclass(frozen=True)

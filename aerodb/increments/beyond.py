@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 from aerodb.coefficients import Comparison, as_inputs
 from aerodb.flight import Flight
 from aerodb.signals import rms
-from aerodb.support import Array
+from aerodb.support import MINUTE, Array
 from aerodb.tables import AeroDatabase
 
 #: Least share of a flight's usable samples beyond the envelope that is reported.
-_LEAST: Final = 0.01
+_LEAST: Final = MINUTE
 
 
 @dataclass(frozen=True)

@@ -14,20 +14,20 @@ import numpy as np
 from aerodb.coefficients import as_inputs
 from aerodb.flight import Flight
 from aerodb.increments.gate import GateCheck, Measure
-from aerodb.support import Array
+from aerodb.support import NEGLIGIBLE, SLIGHT, SMALL, Array
 from aerodb.tables import AeroDatabase, slopes_by
 
 #: Rates whose own moment damps them: axis -> rate.
 DAMPING: Final = {"Cl": "p", "Cm": "q", "Cn": "r"}
 #: Least share of an axis' variation in the baseline that a control's sign must have to count.
 #: Smaller ones are not known from the wind tunnel either.
-_SIGN_COUNTS = 0.05
+_SIGN_COUNTS = SLIGHT
 #: The same for the size of any derivative.
-_SIZE_COUNTS = 0.1
+_SIZE_COUNTS = SMALL
 #: Samples per flight at which derivatives are evaluated.
 _SAMPLES: Final = 300
 #: Derivatives that differ by less than this part are not listed.
-_LEAST = 0.001
+_LEAST = NEGLIGIBLE
 #: Most derivatives that are listed.
 _LISTED = 12
 

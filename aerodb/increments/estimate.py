@@ -29,7 +29,7 @@ from aerodb.increments.samples import (
 )
 from aerodb.nomenclature import is_surface
 from aerodb.signals import Theil, theil
-from aerodb.support import Array, Mask
+from aerodb.support import SMALL, Array, Mask
 from aerodb.tables import (
     QUANTITIES,
     AeroDatabase,
@@ -43,7 +43,7 @@ from aerodb.tables import (
 #: Least part of a column, relative to its size, that others do not explain: less is rounding.
 _INDEPENDENT = 1e-9
 #: Least share of a term in a dependent column, relative to the largest, to be named.
-_TAKES_PART = 0.1
+_TAKES_PART = SMALL
 
 #: An increment on one of these axes holds the drag that an increment on the lift induces.
 _DRAG = frozenset({"C_drag", "CX"})

@@ -19,11 +19,12 @@ from typing import Final, Literal
 from aerodb.errors import InputError
 from aerodb.increments.model_file import CONSTANT, ModelFile
 from aerodb.increments.validation import AxisValidation
+from aerodb.support import SLIGHT
 from aerodb.tables import AeroDatabase, Expression, Operation, value_of
 
 #: Part of the held-out error of an axis by which freeing all terms must lower it to be worth them.
 #: Errors of two legs of one manoeuvre differ by about as much. Dimensionless.
-WORTH: Final = 0.05
+WORTH: Final = SLIGHT
 
 
 @dataclass(frozen=True)

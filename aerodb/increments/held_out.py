@@ -5,9 +5,10 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from aerodb.nomenclature import ROLL_OUTPUTS, in_order
+from aerodb.support import MINUTE
 
 #: An error that changed by less than this fraction counts as unchanged.
-UNCHANGED: Final = 0.01
+UNCHANGED: Final = MINUTE
 #: An error within this factor of the noise floor is at it: the floor is known to a quarter.
 NEAR_FLOOR: Final = 1.25
 

@@ -14,7 +14,7 @@ from aerodb.errors import InputError, UnknownNameError, nearest
 from aerodb.increments.held_out import NEAR_FLOOR, UNCHANGED
 from aerodb.nomenclature import AXES, in_order
 from aerodb.signals import Theil, rms, theil
-from aerodb.support import Array
+from aerodb.support import HALF, NOTABLE, SMALL, Array
 from aerodb.tables import WIND_AXES
 
 Kind = Literal["held-out", "cross-validated", "not validated"]
@@ -22,16 +22,16 @@ Outcome = Literal["at noise floor", "improved", "unchanged", "worse", "not repai
 
 #: Share of the flights that is held out, the newest, at least two (docs/method/updates.md,
 #: "Hold-out").
-HOLD_OUT_SHARE = 0.2
+HOLD_OUT_SHARE = NOTABLE
 #: Flights from which some are held out; below, each is left out in turn.
 FEWEST_FOR_HOLD_OUT = 5
 
 #: Part of the samples in which what is added is less than this part of its largest value, where
 #: flights are flown without it.
-_NIL = 0.1
+_NIL = SMALL
 #: A declared structure that explains less than this fraction of the measured variance does not
 #: describe the axis, however much it reduced the error.
-EXPLAINED = 0.5
+EXPLAINED = HALF
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ from aerodb.loop.frozen_library import Library
 from aerodb.loop.moving_air import evidently_moving
 from aerodb.loop.sensor_share import beside_sensors, compared_with
 from aerodb.loop.shapes import imitated_shapes
+from aerodb.support import HALF
 from aerodb.tables import AeroDatabase, Increment
 from aerodb.tracing import (
     ADDED,
@@ -48,7 +49,7 @@ from aerodb.tracing import (
 #: Part of the mean square error with the singles that the increment model must leave at most. It
 #: counts on flights that did not estimate it, as it is and about each flight's mean. Half, so that
 #: it is no matter of a few per cent of scale, which the errors of sensors leave too.
-_MATERIAL: Final = 0.5
+_MATERIAL: Final = HALF
 #: Terms, the constant apart, from which effects are many: a single one is found by itself, or not.
 _MANY: Final = 2
 

@@ -22,14 +22,14 @@ from aerodb.loop.frozen_library import Library
 from aerodb.loop.noise_floor import noise_floors
 from aerodb.nomenclature import AXES
 from aerodb.signals import rms
-from aerodb.support import DIFFERENCE, HINT, Array
+from aerodb.support import DIFFERENCE, HINT, SUBSTANTIAL, TWO_SIDED, Array
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import CrossFlightTests, agreement, cross_flight_tests, may_be_off_by
 
 #: A constant of this many noise floors is one that the right database would hardly leave.
 _FLOORS: Final = 3.0
 #: Part of an axis' mean square error from which its constant is worth a sentence.
-_SHARE: Final = 0.3
+_SHARE: Final = SUBSTANTIAL
 #: Part of the mean square of what an error leaves that is its constant, where it looks like one.
 _CONSTANT: Final = 0.7
 #: At most, rivals that are said.
@@ -38,7 +38,7 @@ _SAID: Final = 3
 _FLIGHTS: Final = 3
 #: Agreement (chi-square of one error) from which what varies within flights shows the error too:
 #: 95 %.
-_SHOWN: Final = 3.84
+_SHOWN: Final = TWO_SIDED**2
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from aerodb.loop.evidence import evidence_beside
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.moving_air import rolling_share
+from aerodb.support import SMALL
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     Evidence,
@@ -28,7 +29,7 @@ from aerodb.tracing import (
 _TOO_FEW = ("not_testable",)
 #: Manoeuvres vote where the air rolls no faster than this part of the aircraft's own roll rate. It
 #: can then change a damping by a tenth of itself at most. They have no error rate to be kept.
-_STILL = 0.1
+_STILL = SMALL
 #: Axes on which units must be independent for a finding of that plane of motion.
 _PLANES = (("CX", "CZ", "Cm"), ("CY", "Cl", "Cn"))
 

@@ -12,6 +12,7 @@ import numpy as np
 from aerodb.loop.evidence import evidence_beside, noise_within_limits
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
+from aerodb.support import HALF
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     FlightNormalEquations,
@@ -26,7 +27,7 @@ from aerodb.tracing import (
 
 #: The air evidently moves where it rolls more than half as fast as the aircraft. Half of the roll
 #: damping could then be air, if the aircraft follows it altogether.
-_MOVING: Final = 0.5
+_MOVING: Final = HALF
 
 
 def rolling_share(

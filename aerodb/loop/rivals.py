@@ -19,24 +19,24 @@ from aerodb.effects import FlightView, Hypothesis
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.signals import rms
-from aerodb.support import CLAIM, DIFFERENCE, Array
+from aerodb.support import CLAIM, DIFFERENCE, HALF, NEARLY_ALL, NEGLIGIBLE, QUARTER, SMALL, Array
 from aerodb.tables import AeroDatabase
 
 #: Least effect of a sensor's error on an axis with which it is a rival of the increments: a part of
 #: what they change.
-_LEAST: Final = 0.1
+_LEAST: Final = SMALL
 #: Share of a change's mean square from which an error explains all of it (dimensionless).
 #: An increment with noise leaves as much.
-_EXPLAINS: Final = 0.9
+_EXPLAINS: Final = NEARLY_ALL
 #: Least share of a change's mean square that an error shown by other axes takes (dimensionless).
 #: Less is not what the update changes.
-_TAKES: Final = 0.5
+_TAKES: Final = HALF
 #: Rms of a change, in rms of the residual, that no flight tells from none (dimensionless).
 #: A few thousand coloured samples know a mean to a tenth of their scatter.
-_UNSEEN: Final = 0.1
+_UNSEEN: Final = SMALL
 #: Part of an error's size by which axes may disagree about it (dimensionless).
 #: Columns are tangents, right for small errors.
-_TANGENT: Final = 0.25
+_TANGENT: Final = QUARTER
 #: Believable zero of a surface that nobody measured, in the library's range (dimensionless).
 #: A rigging of 5 deg is seen in flight, and the library believes 3.4 deg.
 _UNMEASURED: Final = 2.0
@@ -45,7 +45,7 @@ _UNMEASURED: Final = 2.0
 _STRETCH: Final = 5.0
 #: Rms change, as a part of the rms residual of an axis, up to which an axis is left alone
 #: (dimensionless): rounding.
-_CHANGED: Final = 1e-3
+_CHANGED: Final = NEGLIGIBLE
 
 
 @dataclass(frozen=True)

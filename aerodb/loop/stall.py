@@ -28,7 +28,7 @@ from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.loop.flight_source import FlightSource
 from aerodb.signals import bridge
-from aerodb.support import Array
+from aerodb.support import NEARLY_ALL, Array
 from aerodb.tables import (
     STATE_CHANNEL,
     AeroDatabase,
@@ -47,7 +47,7 @@ EFFECT: Final = "stall_hysteresis"
 FAMILY: Final = "kirchhoff"
 #: Part of the angle of attack of a stall from which a flight counts as one that stalls. Lift does
 #: not give way at one angle.
-NEAR: Final = 0.9
+NEAR: Final = NEARLY_ALL
 #: Least way [rad] that a surface must go in every flight for its effect on the attached flow to be
 #: corrected.
 LEAST: Final = np.deg2rad(2.0)

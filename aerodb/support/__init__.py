@@ -10,6 +10,8 @@
 - `MatElements`: MAT-files of versions 5 to 7, element by element (`mat5`).
 - `standard_errors` and `likelihood_gain` of a rate of false alarms (`CLAIM`, `DIFFERENCE`, `HINT`);
   `half_interval` of what people read; `false_alarms`.
+- `SMALL`, `HALF`, `NEARLY_ALL` and others: levels of judgement for what is a part of something
+  (`shares`).
 - `require_supported_system`: an error in words on systems that are not Linux (`operating_system`).
 - `counted`: a number of things in words (`words`).
 - `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
@@ -46,6 +48,18 @@ if TYPE_CHECKING:
     from .mat5 import MOST_EXPANSION, Malformed, MatClass, MatElements, MatHeader, is_mat5
     from .operating_system import require_supported_system
     from .parallel import Threads, in_threads, one_blas_thread
+    from .shares import (
+        HALF,
+        LARGE,
+        MINUTE,
+        NEARLY_ALL,
+        NEGLIGIBLE,
+        NOTABLE,
+        QUARTER,
+        SLIGHT,
+        SMALL,
+        SUBSTANTIAL,
+    )
     from .strict import Strict, validated, validated_toml
     from .toml import parsed_toml
     from .words import counted

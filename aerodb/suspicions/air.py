@@ -5,6 +5,7 @@ import numpy as np
 from aerodb.conditioning import Suspicion
 from aerodb.flight import Flight
 from aerodb.physics import density, speed_of_sound, standard_atmosphere
+from aerodb.support import SMALL
 from aerodb.suspicions.in_flight import HUGE, flying, middle
 
 #: Coldest air in which aircraft fly, that of the coldest tropopause, with a margin [K].
@@ -22,7 +23,7 @@ ALTITUDE = 1500.0
 SHARE = 0.15
 #: Share of the samples of a channel in which all others are known, from which those are compared:
 #: fewer are no middle of a flight.
-ALIKE = 0.1
+ALIKE = SMALL
 
 
 def air_suspicions(flight: Flight) -> tuple[Suspicion, ...]:

@@ -16,7 +16,7 @@ import numpy as np
 
 from aerodb.conditioning import Suspicion
 from aerodb.estimation import samples_per_independent
-from aerodb.support import Array
+from aerodb.support import SMALL, Array
 from aerodb.suspicions.equation_error import MOTION, EquationError
 from aerodb.suspicions.evidence import CAUSED, LIKELIER, SWING
 from aerodb.suspicions.surfaces import Control
@@ -25,7 +25,7 @@ from aerodb.suspicions.surfaces import Control
 UNRELATED: Final = "unrelated"
 #: Largest share of a moment, without that of motion, that surfaces of another flight explain by
 #: chance. Right flights have .2 at least on their best axis.
-CHANCE: Final = 0.1
+CHANCE: Final = SMALL
 #: What one of six assignments of three histories must be likelier for the search (logarithm).
 SEARCHED: Final = float(np.log(6.0))
 #: Least number of independent samples of an axis on which surfaces explain nothing. With 40, a

@@ -4,12 +4,12 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.support import Array
+from aerodb.support import SMALL, Array
 
 #: Least share of a change's squares that motion must leave of it.
 LEFT: Final = 1e-6
 #: Least share of a change's squares before and after the time at which it begins.
-SIDE: Final = 0.1
+SIDE: Final = SMALL
 
 
 def explained_from(values: Array, basis: Array, left: Array) -> Array:

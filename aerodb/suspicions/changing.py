@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from aerodb.conditioning import SETTLED, Suspicion
 from aerodb.estimation import Regression
 from aerodb.flight import Flight
-from aerodb.support import Array
+from aerodb.support import SUBSTANTIAL, Array
 from aerodb.suspicions.equation_error import RATE_OF, EquationError
 from aerodb.suspicions.evidence import ERRORS, INFLATION, LIKELIER, SWING, likelier_by
 from aerodb.suspicions.surfaces import Control, along
@@ -28,11 +28,11 @@ SPLITS = tuple(k / 20.0 for k in range(2, 19))
 #: attack make within a flight.
 RATIOS = (0.6, 1.7)
 #: Share of the moment that must be explained with the change for a claim about it.
-EXPLAINED = 0.3
+EXPLAINED = SUBSTANTIAL
 #: How many times the residual before, that of a stretch without its surface must be.
 LOUDER = 3.0
 #: Part of what the surface did before, that is left unexplained without it.
-MISSED = 0.3
+MISSED = SUBSTANTIAL
 
 
 def changing_suspicions(

@@ -6,13 +6,14 @@ import numpy as np
 
 from aerodb.conditioning import Suspicion, carried
 from aerodb.flight import Flight
+from aerodb.support import SMALL
 from aerodb.suspicions.controls import UNMOVED
 from aerodb.suspicions.evidence import FEWEST
 from aerodb.vehicle import FULL, LoggedRotor, Vehicle
 
 #: Share of the usual command of all rotors up to which one stands still. By the square, its thrust
 #: would be a hundredth of the others'.
-STANDING: Final = 0.1
+STANDING: Final = SMALL
 
 
 def command_suspicions(flight: Flight, vehicle: Vehicle) -> tuple[Suspicion, ...]:

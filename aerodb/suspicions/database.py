@@ -16,7 +16,7 @@ from aerodb.conditioning import LARGEST_DELAY, Suspicion
 from aerodb.estimation import Regression
 from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_surface
-from aerodb.support import Array, half_interval
+from aerodb.support import SMALL, Array, half_interval
 from aerodb.suspicions.changing import RATIOS as SCALES
 from aerodb.suspicions.damping import damping_beside_database
 from aerodb.suspicions.derivatives import AxisShares, Share, axis_shares, whole_surface
@@ -52,7 +52,7 @@ from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle
 
 #: Ratio of a control's effect to the database's below which its unit is another.
-LEAST = 0.1
+LEAST = SMALL
 #: The same above which its unit is another; below minus `LEAST` its sign is reversed.
 LARGEST = 5.0
 #: How much a ratio may differ from one (one sigma of a normal distribution).
@@ -63,7 +63,7 @@ BESIDE = 0.15
 SHARED = 1.25
 #: Largest difference of one derivative's factor from that of all moments, natural logarithm, in a
 #: build-up: inertia is known to a tenth.
-SAME = 0.1
+SAME = SMALL
 _SLUG_FOOT = 1.3558
 #: The axis that a control of each role is for.
 AXIS_OF = {"pitch": "Cm", "roll": "Cl", "yaw": "Cn"}

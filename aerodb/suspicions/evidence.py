@@ -8,7 +8,7 @@ Morelli, Aircraft System Identification, 2006, chapter 5).
 import numpy as np
 
 from aerodb.estimation import Regression, samples_per_independent
-from aerodb.support import CLAIM, likelihood_gain, standard_errors
+from aerodb.support import CLAIM, HALF, SLIGHT, likelihood_gain, standard_errors
 
 #: Standard errors beyond a limit from which it is contradicted.
 ERRORS = standard_errors(CLAIM)
@@ -24,7 +24,7 @@ WELL_EXPLAINED = 0.8
 #: Least share of a motion that a cause itself makes, for a claim about it.
 CAUSED = 0.4
 #: Least part of an axis, as the database has it, that a variable makes for a claim about it.
-PART = 0.05
+PART = SLIGHT
 #: Largest variance inflation of a regressor for a claim about it. Standard errors beyond five times
 #: those of independent regressors are as wrong as the regressors.
 INFLATION = 30.0
@@ -35,7 +35,7 @@ RATIOS = (0.3, 3.0)
 #: wing; tail, body and compressibility add.
 LIFTS = (0.55, 1.6)
 #: Largest scatter of several ratios about the one that they share, as a part of its logarithm.
-SCATTER = 0.5
+SCATTER = HALF
 #: Least delay named [s]: shorter ones are servos and filters.
 LATE = 0.15
 #: Fewest samples from which anything is concluded.

@@ -20,7 +20,7 @@ from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import runs
-from aerodb.support import Array
+from aerodb.support import HALF, NEARLY_ALL, Array
 from aerodb.suspicions.angles import off_motion
 from aerodb.suspicions.changing import CHANGED, LOUDER, MISSED
 from aerodb.suspicions.equation_error import RATE_OF, averaged
@@ -49,12 +49,12 @@ from aerodb.vehicle import Vehicle
 MOVED: Final = "zero"
 #: Share of the gain of the likeliest fault from which on another is named with it. The slopes by
 #: which the axes share a fault are a database's.
-ALIKE: Final = 0.5
+ALIKE: Final = HALF
 #: Flow angle up to which most of a flight must be for changes of its forces to be sought [rad]: an
 #: aircraft that hovers has any, and no slope over it.
 STEEP: Final = float(np.deg2rad(30.0))
 #: Part of a flight that is most of it.
-MOST_OF: Final = 0.9
+MOST_OF: Final = NEARLY_ALL
 #: Motion and speed on which an error of a database may depend, as they are and squared.
 STATES: Final = ("alpha", "beta", "V", "mach", "p", "q", "r", "thrust")
 _ANGLE_OF: Final = {"CY": "beta", "CZ": "alpha"}

@@ -15,7 +15,7 @@ from scipy.fft import prev_fast_len
 from aerodb.conditioning import BAND, KINEMATICS, OPTIONAL
 from aerodb.physics import GRAVITY
 from aerodb.signals import low_passed
-from aerodb.support import Array
+from aerodb.support import SUBSTANTIAL, Array
 from aerodb.suspicions.evidence import STILL, WELL_EXPLAINED
 
 Channels = Mapping[str, Array]
@@ -23,7 +23,7 @@ Channels = Mapping[str, Array]
 #: Longest stretch examined, the one with most motion [s].
 LONGEST = 600.0
 #: Agreement at most before the correction of a fault.
-DISAGREES = 0.3
+DISAGREES = SUBSTANTIAL
 #: Faults whose total agreement differs by less than this cannot be distinguished; radians declared
 #: as degrees, which are rarer than the reverse, cost as much.
 ALIKE = 0.35

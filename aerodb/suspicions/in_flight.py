@@ -7,14 +7,14 @@ from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.flight import Flight
-from aerodb.support import Array
+from aerodb.support import HALF, Array
 from aerodb.suspicions.evidence import FEWEST
 from aerodb.vehicle import Vehicle, mass_channels
 
 #: No usable value in SI units is larger.
 HUGE = 1e9
 #: Least share of its largest airspeed or root of dynamic pressure at which an aircraft flies.
-FLYING = 0.5
+FLYING = HALF
 
 
 def flying(flight: Flight, names: Iterable[str]) -> NDArray[np.bool_]:

@@ -17,7 +17,7 @@ from aerodb.estimation import least_squares
 from aerodb.flight import Flight
 from aerodb.physics import GRAVITY
 from aerodb.signals import low_passed
-from aerodb.support import Array, half_interval
+from aerodb.support import HALF, MINUTE, SUBSTANTIAL, Array, half_interval
 from aerodb.suspicions.derivatives import AxisShares, Share
 from aerodb.suspicions.drag import ACCELERATION, ANGLE
 from aerodb.suspicions.evidence import ERRORS, FEWEST, INFLATION, SCATTER, WELL_EXPLAINED
@@ -34,13 +34,13 @@ FEWEST_MOMENTS = 4
 SHIFT = 0.05
 #: Largest share of the database's drag that is too little: tunnels without trim, roughness and
 #: cooling measure less drag than flight does, seldom more.
-LITTLE = 0.5
+LITTLE = HALF
 #: Share of the database's drag below which a thrust is none.
-NOTHING = 0.01
+NOTHING = MINUTE
 #: Newtons of a pound of force [N].
 _POUND_FORCE = 4.4482
 #: Relative difference up to which a factor is that of pounds of force.
-_NEAR = 0.3
+_NEAR = SUBSTANTIAL
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from aerodb.estimation import Regression, least_squares, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import low_passed
-from aerodb.support import CLAIM, Array, half_interval, standard_errors
+from aerodb.support import CLAIM, TWO_SIDED, Array, half_interval, standard_errors
 from aerodb.suspicions.derivatives import whole_surface
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER, SCATTER
 from aerodb.suspicions.in_flight import flying, known_masses
@@ -47,7 +47,7 @@ SLIPPED: Final = float(np.deg2rad(0.25))
 LONGEST: Final = 60.0
 #: Loss of log-likelihood at the ends of an interval of 95 %: half of chi-squared of one degree of
 #: freedom.
-EXCLUDED: Final = 1.92
+EXCLUDED: Final = 0.5 * TWO_SIDED**2
 
 
 @dataclass(frozen=True, eq=False)

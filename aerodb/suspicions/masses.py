@@ -6,13 +6,13 @@ import numpy as np
 
 from aerodb.conditioning import Suspicion
 from aerodb.flight import Flight
-from aerodb.support import Array
+from aerodb.support import SMALL, Array
 from aerodb.suspicions.in_flight import known_masses
 from aerodb.vehicle import Reference, Vehicle
 
 #: Share by which a moment of inertia may exceed the sum of the other two: errors of estimates. No
 #: body exceeds it: Ixx + Iyy - Izz = 2 integral of z^2 dm.
-TRIANGLE = 0.1
+TRIANGLE = SMALL
 #: Least Izz over Ixx + Iyy: aircraft are flat. 56 aircraft of JSBSim have .63 to 1.08, but for two
 #: balls, a balloon, a paraglider and three whose inertia no body has.
 FLAT = 0.6

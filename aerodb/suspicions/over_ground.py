@@ -12,24 +12,20 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import least_squares
 
-from aerodb.conditioning import Suspicion
+from aerodb.conditioning import STEADY_WIND_ALTITUDE, STEADY_WIND_TIME, Suspicion
 from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.physics import DENSITY_0
-from aerodb.support import Array
+from aerodb.support import LARGE, NOTABLE, Array
 from aerodb.suspicions.evidence import ERRORS
 
-#: Time [s] over which the wind is taken as steady, as reconstruction does.
-STEADY: Final = 300.0
-#: Change of height [m] over which it is, as reconstruction does.
-LEVEL: Final = 300.0
 #: Least share of all directions that the track of a turn covers: over less, a wind that changes
 #: looks like an airspeed that does.
-COVERED: Final = 0.75
+COVERED: Final = LARGE
 #: Least factor of the airspeed that is said: tubes beside a fuselage or propeller err by less.
 WRONG: Final = 1.25
 #: Largest rms of what the circle leaves, as a share of the airspeed: gusts of a rough day.
-LEFT: Final = 0.2
+LEFT: Final = NOTABLE
 #: Step [s] at which samples are compared: the motion of a turn is slower.
 STEP: Final = 1.0
 #: Sectors into which directions are counted, of 30 deg each.
@@ -98,8 +94,8 @@ def _turns(flight: Flight) -> Iterator[_Turn]:
     first = 0
     for last in range(1, len(rows) + 1):
         inside = slice(first, last)
-        full = last == len(rows) or time[last] - time[first] > STEADY
-        if full or np.ptp(np.append(height[inside], height[last])) > LEVEL:
+        full = last == len(rows) or time[last] - time[first] > STEADY_WIND_TIME
+        if full or np.ptp(np.append(height[inside], height[last])) > STEADY_WIND_ALTITUDE:
             turn = _turn(flight, rows[inside])
             if turn is not None:
                 yield turn

@@ -31,7 +31,7 @@ from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, MOST_SHARE, SHARES, is_surface
 from aerodb.physics import GRAVITY
 from aerodb.signals import decimated, low_passed
-from aerodb.support import CLAIM, Array
+from aerodb.support import CLAIM, HALF, NEGLIGIBLE, NOTABLE, Array
 from aerodb.suspicions.drag import ACCELERATION
 from aerodb.suspicions.equation_error import averaged
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LARGEST_ANGLE, STILL, SWING, WELL_EXPLAINED
@@ -44,7 +44,7 @@ _SENSORS = ("p", "q", "r", *_ACCELERATIONS, "alpha", "beta", "phi", "theta")
 #: Of these, angles: rates are about their slopes.
 _ANGLES = ("alpha", "beta", "phi", "theta")
 #: Largest share of spikes that is looked for; more is noise.
-OFTEN = 0.2
+OFTEN = NOTABLE
 #: Largest median deviation of a load factor from its median. A channel near 1 that varies more is
 #: no load factor but an acceleration without gravity.
 LOAD_SPREAD = 0.7
@@ -56,11 +56,11 @@ FARTHEST_SPANS = 5.0
 #: Channels of one kind and size, the more often mistaken one first.
 _ALIKE = (("alpha", "beta", "theta", "phi", "psi"), ("p", "q", "r"), ("ax", "ay", "az"))
 #: Share of the motion by which two sensors of one flight differ at least: noise alone is more.
-SAME = 1e-3
+SAME = NEGLIGIBLE
 #: Least ratio of their sizes for one field mapped to both, with an upwash taken off one of them.
-HALF = 0.5
+ONE_FIELD = HALF
 #: Share of samples that may lie beyond 0 to 1: single samples are wrong.
-SELDOM = 0.001
+SELDOM = NEGLIGIBLE
 #: A start later than the moment of reading by no more than this can be local time taken for UTC.
 _AHEAD = timedelta(days=1)
 _CG = ("cg_x", "cg_y", "cg_z")
@@ -346,7 +346,7 @@ def _copies(channels: Mapping[str, Array]) -> list[Suspicion]:
             continue
         one, two = (channels[name][both] - channels[name][both].mean() for name in (kind, other))
         sizes = float(np.std(one)), float(np.std(two))
-        if min(sizes) < SWING or not HALF < sizes[0] / sizes[1] < 1.0 / HALF:
+        if min(sizes) < SWING or not ONE_FIELD < sizes[0] / sizes[1] < 1.0 / ONE_FIELD:
             continue
         left = one - two * float(one @ two) / float(two @ two)
         if float(np.std(left)) < SAME * sizes[0]:

@@ -17,14 +17,14 @@ from aerodb.conditioning import Suspicion
 from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import MOMENT_AXES, is_command
-from aerodb.support import Array
+from aerodb.support import SMALL, Array
 from aerodb.suspicions.evidence import EXPLAINED, LIKELIER, WELL_EXPLAINED
 from aerodb.tables import AeroDatabase
 
 #: Change of a command by which its effect is taken.
 _STEP: Final = 0.01
 #: Least singular value, of the largest, along which commands are said to move: a mixer's own ways.
-_MOVED: Final = 0.1
+_MOVED: Final = SMALL
 
 
 @dataclass(frozen=True)

@@ -8,14 +8,14 @@ import numpy as np
 
 from aerodb.conditioning import SETTLED
 from aerodb.nomenclature import is_surface
-from aerodb.support import Array
+from aerodb.support import HALF, NOTABLE, SUBSTANTIAL, Array
 from aerodb.suspicions.begin import LEFT, explained_from, explained_within
-from aerodb.suspicions.evidence import ERRORS, LATE, LIKELIER
+from aerodb.suspicions.evidence import ERRORS, EXPLAINED, LATE, LIKELIER
 from aerodb.suspicions.surfaces import role_of
 
 #: Least change of an effect that is said, as a share of the database's. Speed and flaps change it
 #: by less within a flight (`changing.RATIOS`).
-LEAST_GAIN: Final = 0.2
+LEAST_GAIN: Final = NOTABLE
 #: Least change of a zero that is said [rad]: rigging and a tunnel's trim are known to a degree;
 #: fuel moves a CG by as much.
 LEAST_ZERO: Final = float(np.deg2rad(1.0))
@@ -26,7 +26,7 @@ LEAST_DELAY: Final = 0.05
 #: Least half of a play that is said [rad]: a sound linkage has half of it.
 LEAST_PLAY: Final = float(np.deg2rad(0.1))
 #: Least share of what parts a vane from the motion that its axes do not show: they feel gusts.
-LEAST_MOTION: Final = 0.5
+LEAST_MOTION: Final = HALF
 #: Samples are averaged to this step [s]: what jumps does so within two of them.
 STEP: Final = 0.1
 #: Least share that a change of gain explains of what is left of the axis on which it acts most.
@@ -34,20 +34,20 @@ STEP: Final = 0.1
 EXPLAINED_GAIN: Final = 0.4
 #: The same of a zero, and of what changes evenly over the flight: an aileron in coarse steps makes
 #: .11 look like one.
-EXPLAINED_ZERO: Final = 0.15
+EXPLAINED_ZERO: Final = EXPLAINED
 #: The same of one that is likelier than every other fault: none of 700 flights without a fault has
 #: one beyond chance.
 EXPLAINED_LIKELIEST: Final = 0.05
 #: The same of a delay, on all axes on which it is seen. A wing that bends makes .22 look like one
 #: on one axis; none of 700 flights without a fault has one on two.
-EXPLAINED_DELAY: Final = 0.3
+EXPLAINED_DELAY: Final = SUBSTANTIAL
 #: The same of a play: gusts make .26 look like one.
 EXPLAINED_PLAY: Final = 0.35
 #: The same of a vane that leaves the motion: noise of five times what is declared makes none, as it
 #: does so all the time.
-EXPLAINED_MOTION: Final = 0.3
+EXPLAINED_MOTION: Final = SUBSTANTIAL
 #: Share of what is left of an axis from which on a fault is said to be seen there.
-SEEN: Final = 0.15
+SEEN: Final = EXPLAINED
 #: Times at which a stretch may begin or end in a first search.
 STRETCHES: Final = 30
 #: Longest delay that is said [s]: its column is of first order, and a swing takes a few seconds.

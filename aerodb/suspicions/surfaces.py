@@ -9,13 +9,13 @@ import numpy as np
 from aerodb.conditioning import Suspicion
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
-from aerodb.support import Array
+from aerodb.support import HALF, Array
 from aerodb.suspicions.evidence import FEWEST, LARGEST_ANGLE
 from aerodb.suspicions.in_flight import flying
 from aerodb.vehicle import Surface, Vehicle
 
 #: Deflection beyond the limits, as a share of the travel, that no rigging explains.
-BEYOND = 0.5
+BEYOND = HALF
 #: Least share of a flight at the limits that no flight has: commands beyond them are clipped.
 CLIPPED = 0.4
 _ROLES = {"elevator": "pitch", "aileron": "roll", "rudder": "yaw"}

@@ -28,8 +28,6 @@ _MODEL: Final = frozenset({*LINEAR, "alpha_slope_break", "body_flap", "speed_bra
 #: flights worse than none at all would. Theil's adjusted R2 says the same (Toro-Vizcarrondo &
 #: Wallace, JASA 63, 1968).
 _LEAVES: Final = 0.32
-#: Flights that an estimate needs here: what is claimed of a term is decided elsewhere.
-_ONE = 1
 
 
 def cross_flight_tests(
@@ -72,7 +70,7 @@ def increment_models(
         and set(each.written_on) <= set(axes)
     ]
     while kept:
-        test = tests.tested((*beside, *kept), freed, _ONE)
+        test = tests.tested((*beside, *kept), freed, fewest=1)
         p = test.unmasked[kept]
         if p.max() >= _LEAVES:
             kept.pop(int(p.argmax()))
@@ -81,7 +79,7 @@ def increment_models(
         if by_noise.max() < _LEAVES:
             break
         kept.pop(int(by_noise.argmax()))
-    test = tests.tested((*beside, *kept), freed, _ONE)
+    test = tests.tested((*beside, *kept), freed, fewest=1)
     constants = [
         index
         for index in tests.campaign.offsets
@@ -125,13 +123,13 @@ def imitated_sensors(
     wrong = [
         each
         for each, rest in others.items()
-        if tests.tested(model, rest, _ONE).p_at([each])[0] < tests.settings.level
+        if tests.tested(model, rest, fewest=1).p_at([each])[0] < tests.settings.level
     ]
     if not wrong:
         return False
     model = increment_models(tests, axes, beside, barred)
     gone = set(model) - set(increment_models(tests, axes, beside, barred, wrong))
-    p = tests.tested((*beside, *model), (), _ONE).unmasked[sorted(gone)]
+    p = tests.tested((*beside, *model), (), fewest=1).unmasked[sorted(gone)]
     return bool(np.any(p < tests.settings.level))
 
 
@@ -141,7 +139,7 @@ def supported_axes(
     """Return the axes on which some term of the models is significant given the errors that sensors
     may have, after Bonferroni over all terms. Test: docs/method/tracing.md, section 8."""
     claims = [index for index in terms if index not in tests.campaign.offsets]
-    test = tests.tested((*beside, *terms), (), _ONE)
+    test = tests.tested((*beside, *terms), (), fewest=1)
     p = test.p_at(claims) * len(claims)
     return {
         axis
@@ -174,7 +172,7 @@ def trace_increment_models(
 
     traced = judged(tests, decide, normal_equations)
     hypotheses, level = tests.campaign.hypotheses, tests.settings.level
-    p = tests.tested((*beside, *terms), (), _ONE).p_at(terms)
+    p = tests.tested((*beside, *terms), (), fewest=1).p_at(terms)
     alone = {hypotheses[index].id: each < level for index, each in zip(terms, p, strict=True)}
     findings = [
         _as_member(each, alone[each.hypothesis])

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import fdtri, stdtr, stdtrit
 
 from aerodb.effects import Hypothesis
-from aerodb.support import Array, Mask
+from aerodb.support import LARGE, Array, Mask
 from aerodb.tracing.decision.explanation_sets import may_be_off_by
 from aerodb.tracing.decision.few_flights import LINEAR
 from aerodb.tracing.decision.findings import Traced, Vote, with_unit
@@ -27,7 +27,7 @@ from aerodb.tracing.settings import TracingSettings
 FEWEST: Final = 5
 #: Share of the weighted sum of squares of a condition that one flight may hold. A slope that rests
 #: on one flight says nothing about others.
-_ONE_FLIGHT: Final = 0.75
+_ONE_FLIGHT: Final = LARGE
 #: Claims at most.
 _MOST: Final = 5
 #: Condition -> unit in sentences, how many of it are one SI unit, step of "per".

@@ -10,7 +10,7 @@ import numpy as np
 
 from aerodb.effects import BELIEVED
 from aerodb.remarks import Remark, said
-from aerodb.support import Array
+from aerodb.support import HALF, QUARTER, Array
 from aerodb.tracing.decision.findings import Finding, MeanTest, Verdict, Wanted
 from aerodb.tracing.decision.selection import (
     FEWEST_SUSPECTED,
@@ -27,10 +27,10 @@ from aerodb.tracing.decision.selection import (
 from aerodb.tracing.estimates import Tested, paired_p, scatter_p
 
 #: Two findings cancel where together they leave less than this part of the sum of squares of each.
-_CANCELS = 0.25
+_CANCELS = QUARTER
 #: `LOST` where the finding is a sensor. A small effect is easily taken for the sensor that is
 #: nearly its twin. Then the sensor does not take all of its gain.
-_LOST_TO_SENSOR = 0.5
+_LOST_TO_SENSOR = HALF
 
 
 @dataclass(frozen=True)

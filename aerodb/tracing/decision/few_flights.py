@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.effects import Hypothesis
-from aerodb.support import standard_errors
+from aerodb.support import HALF, standard_errors
 from aerodb.tracing.decision.explanation_sets import explain, finding_of
 from aerodb.tracing.decision.findings import Finding, with_unit
 from aerodb.tracing.decision.joint_model import JointModel, joint_bands, joint_fit, under
@@ -48,7 +48,7 @@ LINEAR: Final = (
 #: and seldom pitches both slowly and quickly.
 _MANY: Final = frozenset({"control_one_sided", "lift_lag"})
 #: Part of a manoeuvre that its window must hold.
-_SHARE = 0.5
+_SHARE = HALF
 #: Distance between two windows, in correlation times.
 _APART = 5.0
 #: Candidates per step that are fitted, each judged by the noise that remains with it.

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects import Hypothesis
-from aerodb.support import Array
+from aerodb.support import SMALL, Array
 from aerodb.tracing.decision.selection import CrossFlightTests
 from aerodb.tracing.estimates import campaign
 from aerodb.tracing.evidence import (
@@ -31,7 +31,7 @@ INFLATION_LIMIT: Final = 1e4
 #: Share of the best unit's information that a unit needs to take part in a test. Flights of one
 #: programme are flown alike, manoeuvres are not. One made for another axis would add only noise to
 #: those made for this one: all units count alike in the mean.
-LEAST_SHARE: Final = 0.1
+LEAST_SHARE: Final = SMALL
 #: Iterations of the weights of the fit.
 _ITERATIONS = 5
 

@@ -12,7 +12,7 @@ import numpy as np
 from scipy.special import stdtrit
 
 from aerodb.remarks import NOT_BELIEVABLE, Remark
-from aerodb.support import Array, Mask
+from aerodb.support import QUARTER, Array, Mask
 from aerodb.tracing.decision.findings import Vote
 from aerodb.tracing.estimates import (
     Campaign,
@@ -28,7 +28,7 @@ from aerodb.tracing.settings import TracingSettings
 #: Flights that a suspected term needs: one flight says nothing about another.
 FEWEST_SUSPECTED = 2
 #: A gain is lost when less than this part of it is left once another hypothesis is in.
-LOST = 0.25
+LOST = QUARTER
 #: Correlation of two columns from which they are twins: no flight of this kind tells them apart.
 TWIN = 0.999
 

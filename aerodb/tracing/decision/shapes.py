@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from aerodb.effects import SURFACE_MOTION, Hypothesis
-from aerodb.support import Array
+from aerodb.support import HALF, Array
 from aerodb.tables import HAT_RATES
 from aerodb.tracing.decision.axis_products import AxisProducts
 from aerodb.tracing.decision.explanation_sets import LOST
@@ -45,7 +45,7 @@ _NEARLY: Final = 0.8
 _PARTNERS: Final = 2
 #: Part of what an increment model explains that a wrong sensor must explain to be mended first.
 #: The same part of what a term leaves takes its name, where another shape explains it.
-_MOST: Final = 0.5
+_MOST: Final = HALF
 
 
 def with_checked_shapes(

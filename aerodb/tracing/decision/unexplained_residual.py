@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from aerodb.errors import InputError
-from aerodb.support import Array
+from aerodb.support import NOTABLE, Array
 from aerodb.tracing.decision.functions import BasisFunctions, FunctionProblem, functions_of
 from aerodb.tracing.decision.residual_records import FlightResidual, ResidualRecord, records_in_band
 from aerodb.tracing.decision.ridge_model import (
@@ -29,7 +29,7 @@ from aerodb.tracing.estimates import by_families
 from aerodb.tracing.settings import TracingSettings
 
 #: A variable matters if the model without it loses this part of the skill.
-_MATTERS = 0.2
+_MATTERS = NOTABLE
 
 
 @dataclass(frozen=True)

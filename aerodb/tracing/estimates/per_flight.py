@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.effects import Hypothesis
-from aerodb.support import Array, Mask
+from aerodb.support import HALF, LARGE, SMALL, Array, Mask
 from aerodb.tracing.estimates.elimination import ModelElimination, SensorElimination
 from aerodb.tracing.estimates.products import Products
 from aerodb.tracing.evidence import TOLERANCE
@@ -22,15 +22,15 @@ KNOWN = 1e9
 
 #: Where less than this part of a column's information is signal, noise may have made the whole
 #: estimate.
-_LEAST_SIGNAL = 0.5
+_LEAST_SIGNAL = HALF
 #: The same for an estimate against no noise. The power of the noise is known to some 20 % (one draw
 #: against one flight, of some hundred samples each). With a quarter of noise the estimate errs by
 #: 10 % for it, with a half by 40 %.
-_LEAST_SIGNAL_EXTRAPOLATED = 0.75
+_LEAST_SIGNAL_EXTRAPOLATED = LARGE
 
 #: Share of noise in a column's power. Up to it the column is noise for the greater part only where
 #: others are nearly collinear with it.
-_NOISY = 0.1
+_NOISY = SMALL
 
 #: Places of accepted terms, of freed and of fixed sensors, and of the terms whose shape may be
 #: wrong.
