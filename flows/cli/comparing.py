@@ -83,8 +83,7 @@ def _say(
         )
         return
     erring = erring_axes([{"comparison": document}])
-    candidate = waiting(catalogue, flight.vehicle)
-    waits = candidate is not None and candidate.id == version.id
+    waits = version.id in {row.id for row in waiting(catalogue, flight.vehicle)}
     released = catalogue.names(flight.vehicle).get("released") == version.id
     if waits:
         then = f"aerodb version gate {version.label} --vehicle {flight.vehicle}"

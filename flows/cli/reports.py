@@ -150,8 +150,8 @@ def _write_of_version(
         (label, texts[0].replace("\u2212", "-"))
         for label, texts in version_lines(report, row.label, session.units)[:_SAID]
     ]
-    candidate = waiting(catalogue, row.vehicle)
-    then = "gate" if candidate is not None and candidate.id == row.id else "show"
+    waits = row.id in {each.id for each in waiting(catalogue, row.vehicle)}
+    then = "gate" if waits else "show"
     title = f"{row.vehicle}: report of {row.label}"
     next_one = f"aerodb version {then} {row.label} --vehicle {row.vehicle}"
     _write(session, parameters, output, as_pdf, title, next_one, told)

@@ -1,5 +1,6 @@
 """``aerodb serve``, ``nightly``, ``status`` and ``retry``: unattended operation, and its status."""
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -8,6 +9,7 @@ from aerodb.errors import InputError, StoreBusyError
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Direct
 from aerodb.storage.locks import take
+from aerodb.tasks.result_versions import OF_FRICTION
 
 if TYPE_CHECKING:
     from aerodb.storage.workspace import Workspace
@@ -155,7 +157,7 @@ def status(context: typer.Context) -> None:
         )
         session.say(
             f"{entry['vehicle']}: released {entry['released'] or '-'}, candidate"
-            f" {entry['candidate'] or '-'}; {loops}"
+            f" {entry['candidate'] or '-'}{_of_friction(entry)}; {loops}"
         )
         if entry["rejected"]:
             session.say(f"rejected of the newest flights of {entry['vehicle']}:")
@@ -164,6 +166,11 @@ def status(context: typer.Context) -> None:
             ]
             session.table(["flight", "why"], cells)
     session.answer(document)
+
+
+def _of_friction(entry: Mapping[str, Any]) -> str:
+    """What the line of friction of a vehicle has; empty where there is none."""
+    return "".join(f", {name} {entry[name]}" for name in OF_FRICTION.values() if name in entry)
 
 
 def _say_runs(session: Session, runs: list[dict[str, Any]]) -> None:

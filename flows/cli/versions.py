@@ -70,7 +70,7 @@ def list_versions(
         {row.parent for row in rows if row.parent and row.id in shown} - {row.id for row in rows}
     )
     labels = {row.id: row.label for row in (*rows, *parents.values())}
-    candidate = waiting(catalogue, owner)
+    candidate = next(iter(waiting(catalogue, owner)), None)
     if candidate is not None:
         said = f"{candidate.label} waits for your decision"
         then = f"aerodb version gate {candidate.label} --vehicle {owner}"
@@ -208,8 +208,7 @@ def show(
     database = database_of(catalogue, row)
     document = version_details(catalogue, row)
     names = [name for name, id in catalogue.names(row.vehicle).items() if id == row.id]
-    candidate = waiting(catalogue, row.vehicle)
-    waits = candidate is not None and candidate.id == row.id
+    waits = row.id in {each.id for each in waiting(catalogue, row.vehicle)}
     told = [
         (label, "; ".join(texts).replace("\u2212", "-"))
         for label, texts in version_lines(document["report"], row.label, session.units)
@@ -321,7 +320,7 @@ def history(
         {id for each in document for id in (each["to"], each["from"]) if id}
     )
     labels = {id: row.label for id, row in versions.items()}
-    candidate = waiting(catalogue, owner)
+    candidate = next(iter(waiting(catalogue, owner)), None)
     said, last = _released(document, labels), document[-1] if document else None
     session.headlines(
         f"{owner}: {said}",

@@ -25,7 +25,8 @@ def overview(request: Request) -> Response:
     """What waits for a decision, vehicles with their released versions, newest findings and
     flights."""
     access = access_of(request)
-    candidates = [waiting(access.catalogue, row.name) for row in access.catalogue.vehicles()]
+    vehicles = access.catalogue.vehicles()
+    candidates = [row for each in vehicles for row in waiting(access.catalogue, each.name)]
     entries, _ = findings_page(access, _NEWEST)
     rows = access.catalogue.flight_page(FlightFilter(), _NEWEST).rows
     flights = flights_document(access.catalogue, rows)
@@ -33,7 +34,7 @@ def overview(request: Request) -> Response:
         request,
         "overview.html",
         "Overview",
-        waiting=[row for row in candidates if row is not None],
+        waiting=candidates,
         vehicles=_vehicles(access),
         findings=entries,
         flights=flights,

@@ -164,12 +164,12 @@ def version_page(
     parent = access.catalogue.version_of_id(row.parent) if row.parent else None
     gate = judge_version(row.id, workspace=str(access.workspace.root), run="", fly=False)
     responses = known_responses(access, row, row.parent)
-    candidate = waiting(access.catalogue, row.vehicle)
+    waits = {each.id for each in waiting(access.catalogue, row.vehicle)}
     return page_of(
         request,
         "version.html",
         f"Version {row.label} of {row.vehicle}",
-        waits=candidate is not None and candidate.id == row.id,
+        waits=row.id in waits,
         passes=gate["passed"],
         summary=_summary(gate, details["report"], responses),
         errors=error_rows(details["report"]) if "axes" in details["report"] else [],

@@ -18,7 +18,8 @@ def work_page(request: Request) -> Response:
     """The status page."""
     access = access_of(request)
     status = for_visitor(status_of(access))
-    candidates = [waiting(access.catalogue, row.name) for row in access.catalogue.vehicles()]
+    vehicles = access.catalogue.vehicles()
+    candidates = [row for each in vehicles for row in waiting(access.catalogue, each.name)]
     server = _server(status)
     has_pages = load_settings(access.workspace.root).serve.ui
     return page_of(
@@ -27,7 +28,7 @@ def work_page(request: Request) -> Response:
         "Status",
         status=status,
         server=server,
-        waiting=[row for row in candidates if row is not None],
+        waiting=candidates,
         of_server=server.removesuffix("/api") + "/" if has_pages else f"{server}/admin/version",
     )
 

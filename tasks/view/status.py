@@ -8,7 +8,7 @@ from aerodb.storage.catalogue import RunRow
 from aerodb.storage.inbox import count_quarantined, undelivered_notifications
 from aerodb.storage.locks import is_held, note_of
 from aerodb.storage.workspace_settings import LoopSettings, Schedule, Settings, load_settings
-from aerodb.tasks.result_versions import CANDIDATE, RELEASED
+from aerodb.tasks.result_versions import CANDIDATE, OF_FRICTION, RELEASED
 from aerodb.tasks.steps import Due, due, files_of_inbox, in_quarantine, parameters_of
 from aerodb.tasks.view.version_documents import waiting
 from aerodb.tasks.workspace_access import WorkspaceAccess
@@ -132,9 +132,10 @@ def _vehicle(access: WorkspaceAccess, settings: Settings, name: str) -> dict[str
     loop = settings.loop_of(name)
     states = {way: due(access, name, loop, way) for way in loop.run}
     labels = {}
-    for pointer in (RELEASED, CANDIDATE):
+    for pointer in (RELEASED, CANDIDATE, *OF_FRICTION.values()):
         version = access.named(name, pointer)
-        labels[pointer] = access.catalogue.version_of_id(version).label if version else None
+        if version or pointer not in OF_FRICTION.values():
+            labels[pointer] = access.catalogue.version_of_id(version).label if version else None
     loops = [
         {
             "way": way,
@@ -173,12 +174,11 @@ def _fault(access: WorkspaceAccess, name: str, loop: LoopSettings, way: str, sta
 
 def _decisions(access: WorkspaceAccess) -> list[str]:
     """Return which versions wait for a decision, and the command that shows what to decide on."""
-    candidates = (waiting(access.catalogue, row.name) for row in access.catalogue.vehicles())
     return [
         f"{row.label} of {row.vehicle} waits for a decision: aerodb version gate {row.label}"
         f" --vehicle {row.vehicle}"
-        for row in candidates
-        if row is not None
+        for vehicle in access.catalogue.vehicles()
+        for row in waiting(access.catalogue, vehicle.name)
     ]
 
 

@@ -114,13 +114,13 @@ def findings_words(document: dict[str, Any]) -> str:
     return f"{', '.join(found[:3])}{more}" if found else declared
 
 
-def waiting(catalogue: Catalogue, vehicle: str) -> VersionRow | None:
-    """Return the version of a vehicle that waits for a decision: the candidate of a line, where it
-    continues the released version, is not stale and was never released itself; None where there is
-    none. That of the aerodynamics comes first, then that of friction."""
+def waiting(catalogue: Catalogue, vehicle: str) -> list[VersionRow]:
+    """Return the versions of a vehicle that wait for a decision: the candidate of each line, where
+    it continues the released version, is not stale and was never released itself. That of the
+    aerodynamics comes first, then that of friction."""
     lines = ((CANDIDATE, RELEASED), (OF_FRICTION[CANDIDATE], OF_FRICTION[RELEASED]))
     found = (_waiting(catalogue, vehicle, *line) for line in lines)
-    return next((row for row in found if row is not None), None)
+    return [row for row in found if row is not None]
 
 
 def _waiting(

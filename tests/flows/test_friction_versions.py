@@ -102,6 +102,14 @@ def test_rolls_become_a_version_of_friction_that_is_judged_released_and_rolled_b
     assert told["held-out error"]["measures"][0]["of"] == "all axes"
     assert told["sign changes"]["not_judged"] == "does not apply: legs alone"
     assert "does not apply" in aerodb(w, "version", "gate", made).stdout
+    status = asked(w, "status")
+    (vehicle,) = status["vehicles"]
+    assert (vehicle["released-friction"], vehicle["candidate-friction"]) == ("v0002", made)
+    assert f"{made} of wheels waits for a decision" in " ".join(status["todo"])
+    said = aerodb(w, "status").stdout
+    assert (
+        f"released v0001, candidate -, released-friction v0002, candidate-friction {made}" in said
+    )
     (edit,) = asked(w, "version", "diff", "v0002", made)["terms"]
     assert (edit["kind"], edit["name"]) == ("parameter", "mu_brake")
     node = asked(w, "version", "lineage", made, "--node", "mu_brake")["parameter"]
@@ -115,7 +123,8 @@ def test_rolls_become_a_version_of_friction_that_is_judged_released_and_rolled_b
     assert names(workspace)["released-friction"] == made
     assert names(workspace)["released"] == "v0001"
     with client_of(Workspace.open(w)) as client:
-        for page in (f"/versions/{shown['version']}", f"/versions/{shown['version']}/promote"):
+        own = f"/versions/{shown['version']}"
+        for page in (own, f"{own}/promote", "/work"):
             answer = client.get(page)
             assert answer.status_code == 200
             assert made in answer.text
