@@ -265,9 +265,9 @@ def run_flow(
     orchestrated = "" if how == "direct" else _present_flow_run()
     if how == "auto" and not orchestrated:
         with prefect_environment(workspace.root) as way:  # its server starts beside what follows
-            _freeze_imports()
+            freeze_imports()
             return _run(body, parameters, workspace, way, progress, attended=attended)
-    _freeze_imports()
+    freeze_imports()
     given: Way = "server" if orchestrated else "direct"
     return _run(body, parameters, workspace, given, progress, orchestrated, attended)
 
@@ -313,7 +313,7 @@ def _require_role(body: Any, workspace: Workspace) -> None:
 
 
 @lru_cache(maxsize=1)
-def _freeze_imports() -> None:
+def freeze_imports() -> None:
     """Exclude imported objects from garbage collection; that saves a tenth of a long run's time."""
     gc.collect()
     gc.freeze()

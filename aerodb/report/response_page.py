@@ -1,8 +1,9 @@
 """Page of simulated responses: a version flown beside the flight, manoeuvre by manoeuvre."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import partial
+from itertools import islice
 from typing import Any, Final
 
 import numpy as np
@@ -59,13 +60,15 @@ def response_report(
     version: str,
     baseline: str,
     summary: Mapping[str, Any] | None,
-    stretches: Sequence[FlownStretch],
+    stretches: Iterable[FlownStretch],
     head: Head | None = None,
+    flown: int = 0,
 ) -> Iterator[str]:
     """Return the HTML page of a version's responses in pieces (`pieces`).
 
     version, baseline : labels; baseline empty without one. summary : of `summarise_responses`.
-    head : where the result comes from. Numbers are shown in display units (`channel_scale`).
+    stretches : each is asked for when its figure is drawn. head : where the result comes from.
+    flown : how many stretches there are. Numbers are shown in display units (`channel_scale`).
     """
     return pieces(
         "responses.html",
@@ -76,8 +79,8 @@ def response_report(
         head=head,
         within=count_within(summary, baseline) if summary else "",
         stayed=_stayed(summary) if summary else "",
-        drawn=[(stretch, _picture(stretch, version, baseline)) for stretch in stretches[:_MOST]],
-        left_out=max(0, len(stretches) - _MOST),
+        drawn=((each, _picture(each, version, baseline)) for each in islice(stretches, _MOST)),
+        left_out=max(0, flown - _MOST),
         scales=response_scales(summary),
         feedback=feedback_words(summary) if summary else [],
         qualification=qualification_table(summary),

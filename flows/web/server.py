@@ -2,6 +2,7 @@
 
 import logging
 import socket
+import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ from aerodb.flows.web.app import create_app
 from aerodb.flows.web.connections import connections, most_connections, raise_descriptor_limit
 from aerodb.flows.web.guard import Guard
 from aerodb.flows.web.messages import Sparing
+from aerodb.flows.web.prepare import prepare
 
 #: Connections that the system holds until they are accepted. asyncio tries to accept as many at a
 #: time, and reports as many errors when no descriptor is left.
@@ -55,4 +57,5 @@ def serve_console(root: Path, guard: Guard, place: socket.socket) -> None:
     SIGTERM."""
     logging.basicConfig(level=logging.WARNING, handlers=[Sparing()])
     raise_descriptor_limit()
+    threading.Thread(target=prepare, name="prepare", daemon=True).start()
     server_of(root, guard).run(sockets=[place])

@@ -279,12 +279,23 @@ def version_report(request: Request, version: str, vehicle: Vehicle = None) -> R
 
 
 @router.get("/versions/{version}/responses", include_in_schema=False)
-def version_responses(request: Request, version: str, vehicle: Vehicle = None) -> Response:
+def version_responses(
+    request: Request, version: str, vehicle: Vehicle = None, fly: bool = False
+) -> Response:
     """The version and its parent flown over the held-out flights, as `aerodb version validate`
-    writes it."""
+    writes it. Where they were not flown before, a page says so and asks for the one with `fly`."""
     access = access_of(request)
     row = version_at(access, version, vehicle)
     flights, independent = flights_to_judge(access.catalogue, row)
+    if not fly and known_responses(access, row, row.parent) is None:
+        further = address(f"/versions/{row.id}/responses", fly="true")
+        parent = access.catalogue.version_of_id(row.parent) if row.parent else None
+        labels = [each.label for each in (row, parent) if each is not None]
+        title = f"Responses of {row.label} of {row.vehicle}"
+        shown = {"labels": labels, "flights": len(flights), "further": further}
+        page = page_of(request, "flown_first.html", title, **shown)
+        page.headers["refresh"] = f"0;url={further}"
+        return page
     parameters = {
         "version": row.id,
         "baseline": row.parent,

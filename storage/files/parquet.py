@@ -234,25 +234,22 @@ def _text(values: NDArray[Any], kind: Any) -> Any:
 
 def from_arrow(column: Any, dtype: np.dtype[Any]) -> NDArray[Any]:
     """Return a column of a file from `opened` as it was written, (rows,)."""
+    if not len(column):
+        return np.empty(0, dtype)
     if dtype.kind in "UO":
         encoded = column.combine_chunks() if column.num_chunks != 1 else column.chunk(0)
         words = np.array(encoded.dictionary.to_pylist(), dtype=dtype)
-        return (
-            words[encoded.indices.to_numpy(zero_copy_only=False)]
-            if len(words)
-            else np.empty(0, dtype)
-        )
+        found: NDArray[Any] = words[np.from_dlpack(encoded.indices)]  # to_numpy() imports pandas
+        return found
     if dtype.kind == "S":
         return np.array(column.to_pylist(), dtype=dtype)
     whole = column.combine_chunks()
-    if dtype.kind == "b" and len(whole):
+    if dtype.kind == "b":
         bits = np.frombuffer(whole.buffers()[1], dtype=np.uint8)
         return np.unpackbits(bits, bitorder="little")[
             whole.offset : whole.offset + len(whole)
         ].astype(dtype)
     values: NDArray[Any] = (
-        np.from_dlpack(whole)
-        if dtype.kind in "iuf" and len(whole)
-        else whole.to_numpy(zero_copy_only=False)
+        np.from_dlpack(whole) if dtype.kind in "iuf" else whole.to_numpy(zero_copy_only=False)
     )
     return values.astype(dtype, copy=False)

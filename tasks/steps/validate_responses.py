@@ -290,18 +290,26 @@ def response_page(
         else ""
         for documents in (after, before)
     ]
+    result = access.catalogue.result(after[0]["key"]) if after else None
+    head = head_of_result(access, result, user()) if result else None
+    flown = sum("reason" not in stretch for d in after for stretch in d["stretches"])
+    stretches = _stretches(access, after, before)
+    page = response_report(labels[0], labels[1], summary, stretches, head, flown)
+    return page if in_pieces else "".join(page)
+
+
+def _stretches(
+    access: WorkspaceAccess, after: Sequence[Document], before: Sequence[Document]
+) -> Iterator[FlownStretch]:
+    """Each stretch that was flown, with its responses; those of a flight are read when the first of
+    them is asked for."""
     names = access.catalogue.flight_labels(d["flight"] for d in after)
-    earlier = {d["flight"]: flown_responses(access, d["key"]) for d in before}
-    stretches = []
+    earlier = {d["flight"]: d["key"] for d in before}
     for document in after:
-        name = names[document["flight"]]
-        others = earlier.get(document["flight"])
+        flight = document["flight"]
+        others = flown_responses(access, earlier[flight]) if flight in earlier else []
         for number, responses in enumerate(flown_responses(access, document["key"])):
             stretch = document["stretches"][number]
             if "reason" not in stretch:
                 beside = others[number] if others else {}
-                stretches.append(FlownStretch(name, stretch, responses, beside))
-    result = access.catalogue.result(after[0]["key"]) if after else None
-    head = head_of_result(access, result, user()) if result else None
-    page = response_report(labels[0], labels[1], summary, stretches, head)
-    return page if in_pieces else "".join(page)
+                yield FlownStretch(names[flight], stretch, responses, beside)

@@ -152,7 +152,7 @@ def test_reports_bring_their_own_styles_and_nothing_else(client: TestClient, mad
     for address in (
         f"/flights/{made.flight}/report",
         f"/versions/{made.candidate}/report",
-        f"/versions/{made.candidate}/responses",
+        f"/versions/{made.candidate}/responses?fly=true",
         f"/findings/{made.candidate}/report",
     ):
         answer = client.get(address)
