@@ -16,12 +16,12 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "fly": 7,
     "estimate": 24,
     "update": 33,
-    "gram": 21,
+    "gram": 22,
     "close_loop": 69,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.
-JSBSIM_IMPORT: Final = 3
+JSBSIM_IMPORT: Final = 4
 
 #: Names of versions that the product itself moves.
 RELEASED: Final = "released"

@@ -166,8 +166,9 @@ def _standing(document: dict[str, Any], vehicle: str) -> tuple[str, str]:
         return "", then
     if document["without_values"]:
         names = ", ".join(document["without_values"])
+        has = "has" if len(document["without_values"]) == 1 else "have"
         return (
-            f"{names} have no finite value in usual flight: bind what they are divided by",
+            f"{names} {has} no finite value at some points of usual flight: bind what divides it",
             f"aerodb database inputs {label} --vehicle {vehicle}",
         )
     if checks is not None and not checks["passed"]:

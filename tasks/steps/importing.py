@@ -66,8 +66,8 @@ def import_database(
 
     A vehicle's first import becomes ``released``, and so does the same file imported again while
     nothing was made of the first; neither does if the check cases of the file fail, or if a
-    coefficient has no finite value (`without_values`), if it divides by an input that no flight
-    has, or if it holds what no aircraft has (`unusual_content`).
+    coefficient has no finite value at some point (`without_values`), if it divides by an input that
+    no flight has, or if it holds what no aircraft has (`unusual_content`).
 
     further : files that are read with the first as one database (runs of an aerodynamic code).
 
@@ -75,8 +75,8 @@ def import_database(
     replaces the released one, through the gate, which `accept` concerns (`release.promote`); ''
     leaves it. Returns a document: version, label, database, inputs, released (whether it now is),
     replaced (label of the import that it replaced, or None), held (what it holds at zero),
-    without_values (coefficients that are finite nowhere), unusual (what no aircraft has, in
-    sentences), read_as (how the file was read), lacks
+    without_values (coefficients that are not finite at some point of usual flight), unusual (what
+    no aircraft has, in sentences), read_as (how the file was read), lacks
     (what the database does not know, `lacking_effects`), curves (C_lift, C_drag, Cm over alpha),
     file_checks (None for formats that are refused if they fail), and those of `inputs_document`.
     ask : where inputs leave questions, store nothing and return them (questions: each an

@@ -214,6 +214,48 @@ def test_zero_is_not_proposed_for_what_divides(glider, divisor):
     assert bound["dividing"] == []
 
 
+SUM = "<sum><property>other/a</property><property>other/b</property></sum>"
+INTAKE = """<table><independentVar lookup="row">aero/intake</independentVar>
+<tableData>0 1.0
+5 2.0</tableData></table>"""
+
+
+@pytest.mark.parametrize("above", ["<value>2</value>", "<property>other/flow</property>"])
+@pytest.mark.parametrize("below", ["<property>other/a</property>", SUM])
+def test_a_divisor_that_a_table_hides_is_found(glider, above, below):
+    """A table takes an infinite argument for its end, and 0/0 comes of all zeros together only."""
+    workspace, importing = glider
+    text = AIRCRAFT.replace("<value>5.0</value>", INTAKE).replace(
+        "<aerodynamics>",
+        f"<aerodynamics><function name='aero/intake'><quotient>{above}{below}</quotient></function>",
+    )
+    Path(importing[2]).write_text(text, encoding="utf-8")
+    document = asked(workspace, *importing)
+    divide = {"other_a", "other_b"} if below == SUM else {"other_a"}
+    assert set(document["dividing"]) == divide
+    assert not document["released"]
+    for name in divide:
+        assert f"{document['written'][name]}=0" not in document["proposals"][name]
+
+
+@pytest.mark.parametrize(
+    ("expression", "held"),
+    [("sqrt(alpha - 0.1)", True), ("1/step(alpha)", True), ("sqrt(abs(alpha))", False)],
+)
+def test_a_database_without_a_value_at_some_points_is_not_released(tmp_path, expression, held):
+    (tmp_path / "vehicle.toml").write_text(VEHICLE, encoding="utf-8")
+    term = f'[[terms]]\nname = "t"\naxis = "CZ"\nexpression = "-0.01*{expression}"\n'
+    (tmp_path / "d.toml").write_text(DATABASE + term, encoding="utf-8")
+    asked(tmp_path / "w", "vehicle", "add", str(tmp_path / "vehicle.toml"))
+    words = ("database", "import", str(tmp_path / "d.toml"), "--vehicle", NAME)
+    document = asked(tmp_path / "w", *words)
+    assert document["without_values"] == (["CZ"] if held else [])
+    assert document["released"] is not held
+    assert (
+        "CZ has no finite value at some points" in aerodb(tmp_path / "w", *words).stdout
+    ) is held
+
+
 def test_a_database_without_any_value_is_stored_and_not_released(glider):
     workspace, importing = glider
     Path(importing[2]).write_text(RATIO.format("aircraft/wing/S-ft2"), encoding="utf-8")

@@ -71,7 +71,9 @@ def test_right_databases_are_released_as_before(tmp_path: Path) -> None:
     assert document["unusual"] == []
 
 
-@pytest.mark.parametrize("name", ["737", "f16", "c172x", "T38", "B747", "ah1s", "Concorde"])
+@pytest.mark.parametrize(
+    "name", ["737", "f16", "c172x", "T38", "B747", "ah1s", "Concorde", "J3Cub", "fokker50", "pc7"]
+)
 def test_aircraft_of_jsbsim_hold_nothing_unusual(name: str) -> None:
     from aerodb.exchange.jsbsim.reader import import_jsbsim
 

@@ -12,7 +12,7 @@ import numpy as np
 from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.metrics import MAX_NAME, read_number
 from aerodb.exchange.jsbsim.operations import build_operation
-from aerodb.exchange.jsbsim.properties import OWN_FREE, property_identifier
+from aerodb.exchange.jsbsim.properties import OWN_FREE, own_property, property_identifier
 from aerodb.exchange.jsbsim.table import read_table, stack_slices
 from aerodb.nomenclature import CHANNELS, is_command, is_surface
 from aerodb.support import Array
@@ -169,6 +169,7 @@ class JsbsimFunctions:
         return operation if operation is not None else self.refuse(element, f"function {function}")
 
     def _property(self, name: str) -> Expression:
+        name = own_property(name)
         if name.startswith("-"):
             return Negation(Name(self.identifier(name[1:])))
         return Name(self.identifier(name))

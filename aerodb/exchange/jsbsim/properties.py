@@ -33,6 +33,13 @@ _CLIMB: Final = (
     " - sin(alpha)*cos(beta)*cos(phi)*cos(theta)"
 )
 
+#: Components of the velocity along the body's axes.
+_BODY: Final = {
+    "u": "V*cos(alpha)*cos(beta)",
+    "v": "V*sin(beta)",
+    "w": "V*sin(alpha)*cos(beta)",
+}
+
 QBAR: Final = "aero/qbar-psf"
 AREA: Final = "metrics/Sw-sqft"
 SPAN: Final = "metrics/bw-ft"
@@ -78,11 +85,7 @@ PROPERTIES: Final[dict[str, str]] = {
     "velocities/vt-fps": f"V/{FOOT!r}",
     **{
         f"velocities/{axis}{kind}-fps": f"{component}/{FOOT!r}"
-        for axis, component in {
-            "u": "V*cos(alpha)*cos(beta)",
-            "v": "V*sin(beta)",
-            "w": "V*sin(alpha)*cos(beta)",
-        }.items()
+        for axis, component in _BODY.items()
         for kind in ("", "-aero")  # the same without wind
     },
     "velocities/vc-kts": f"calibrated_airspeed/{KNOT!r}",
@@ -91,6 +94,22 @@ PROPERTIES: Final[dict[str, str]] = {
     "attitude/roll-rad": "phi",
     "attitude/theta-rad": "theta",
     "attitude/pitch-rad": "theta",
+    # As FlightGear calls them, from the root of its tree (FGInterface.cxx, _bind).
+    **{
+        f"velocities/{axis}Body-fps": f"{component}/{FOOT!r}"
+        for axis, component in _BODY.items()  # the same without wind
+    },
+    "velocities/airspeed-kt": f"calibrated_airspeed/{KNOT!r}",
+    "orientation/roll-deg": f"phi*{DEGREES!r}",
+    "orientation/pitch-deg": f"theta*{DEGREES!r}",
+    "orientation/heading-deg": f"psi*{DEGREES!r}",
+    "orientation/alpha-deg": f"alpha*{DEGREES!r}",
+    "orientation/side-slip-deg": f"beta*{DEGREES!r}",
+    "orientation/side-slip-rad": "beta",
+    "position/altitude-ft": f"altitude/{FOOT!r}",
+    "position/altitude-agl-ft": f"height_above_ground/{FOOT!r}",
+    "environment/density-slugft3": f"rho/{SLUG_PER_FT3!r}",
+    "environment/temperature-degc": "temperature - 273.15",
     "atmosphere/rho-slugs_ft3": f"rho/{SLUG_PER_FT3!r}",
     "atmosphere/P-psf": f"static_pressure/{PSF!r}",
     "atmosphere/T-R": f"temperature*{RANKINE!r}",
@@ -175,6 +194,19 @@ def height_of_reference_point(x: float, y: float, z: float) -> str:
         " cg_z))"
     )
     return f"(height_above_ground - ({below_cg}))/b_ref"
+
+
+def own_property(name: str) -> str:
+    """Return a property from the root of the aircraft's own part of the tree, which is
+    ``/fdm/jsbsim`` of the whole, in JSBSim alone and in FlightGear (FGFDMExec).
+
+    >>> own_property("/fdm/jsbsim/fcs/flap-pos-deg"), own_property("-fcs/flap-pos-deg")
+    ('fcs/flap-pos-deg', '-fcs/flap-pos-deg')
+    """
+    return name.replace(_OWN_ROOT, "", 1) if name.lstrip("-").startswith(_OWN_ROOT) else name
+
+
+_OWN_ROOT: Final = "/fdm/jsbsim/"
 
 
 def property_description(name: str, note: str = "") -> str:

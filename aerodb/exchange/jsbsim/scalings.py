@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from aerodb.errors import InputError
 from aerodb.exchange.jsbsim.metrics import is_beside, read_number, read_root
+from aerodb.exchange.jsbsim.properties import own_property
 
 _CENTRED: Final = ("true", "1", "")
 
@@ -106,7 +107,7 @@ def _components(roots: Iterable[Any], *tags: str) -> Iterator[Any]:
 
 def _outputs(element: Any) -> set[str]:
     """Properties that a component sets: its own, and those that it names."""
-    own = _own_property(element.get("name", "").strip())
+    own = own_property(_own_property(element.get("name", "").strip()))
     return {own, *(_text(each) for each in element.findall("output"))}
 
 
@@ -120,7 +121,7 @@ def _own_property(name: str) -> str:
 
 
 def _text(element: Any) -> str:
-    return str(element.text or "").strip()
+    return own_property(str(element.text or "").strip())
 
 
 def _number(element: Any, path: str, default: float, where: str) -> float:

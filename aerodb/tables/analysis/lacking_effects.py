@@ -11,7 +11,11 @@ from aerodb.physics import standard_atmosphere
 from aerodb.support import Array
 from aerodb.tables.analysis.nodes import air_beside
 from aerodb.tables.analysis.sensitivity import slopes_by
-from aerodb.tables.analysis.unstated_inputs import height_outside_ground_effect, unstated_inputs
+from aerodb.tables.analysis.unstated_inputs import (
+    flight_speed,
+    height_outside_ground_effect,
+    unstated_inputs,
+)
 from aerodb.tables.database import AeroDatabase
 
 #: What flight mechanics needs -> the body axis, and the inputs that it is by: any of them.
@@ -72,7 +76,7 @@ def lacking_effects(database: AeroDatabase) -> tuple[str, ...]:
 
 def small_angles(database: AeroDatabase, inputs: Iterable[str]) -> dict[str, Array]:
     """Return input -> values (k,) [SI] at which slopes are asked: `ANGLES`, and a little of all
-    else, outside ground effect, at 1 m/s, in the air of sea level."""
+    else, outside ground effect, at `flight_speed`, in the air of sea level."""
     at = {name: np.full(len(ANGLES), 0.01) for name in inputs}
     if (height := height_outside_ground_effect(database)) is not None:
         at["height_above_ground"] = np.full(len(ANGLES), height)
@@ -81,13 +85,14 @@ def small_angles(database: AeroDatabase, inputs: Iterable[str]) -> dict[str, Arr
 
 
 def _air(database: AeroDatabase) -> dict[str, float]:
-    """Return input -> value [SI] of an airspeed of 1 m/s, and of the air of sea level that a
-    database reads: terms may divide by its pressure or temperature."""
+    """Return input -> value [SI] of an airspeed at which it flies, and of the air of sea level that
+    a database reads: terms may divide by its pressure or temperature."""
     level = standard_atmosphere(0.0)
     air = {"temperature": float(level.temperature), "static_pressure": float(level.pressure)}
-    air |= air_beside({"V": 1.0})
+    speed = flight_speed(database)
+    air |= air_beside({"V": speed})
     read = {*database.inputs, *(("rho", "qbar") if database.has_loads else ())}
-    return {"V": 1.0} | {name: value for name, value in air.items() if name in read}
+    return {"V": speed} | {name: value for name, value in air.items() if name in read}
 
 
 def _acts_on(axis: str, sizes: Mapping[str, float]) -> bool:
@@ -97,8 +102,8 @@ def _acts_on(axis: str, sizes: Mapping[str, float]) -> bool:
 
 
 def curves(database: AeroDatabase, alpha: Array) -> dict[str, Array]:
-    """Return C_lift, C_drag and Cm (n,) over `alpha` (n,) [rad], everything else zero and the
-    airspeed 1 m/s, outside ground effect, in the air of sea level; empty where nothing can be
+    """Return C_lift, C_drag and Cm (n,) over `alpha` (n,) [rad], everything else zero, at
+    `flight_speed`, outside ground effect, in the air of sea level; empty where nothing can be
     evaluated so."""
     neutral = unstated_inputs(database, {}) | _air(database)
     point = {name: np.full(len(alpha), value) for name, value in neutral.items()}

@@ -6,7 +6,8 @@ from typing import Any, Final
 
 import numpy as np
 
-from aerodb.tables.analysis.arguments import breakpoints_over
+from aerodb.physics import standard_atmosphere
+from aerodb.tables.analysis.arguments import breakpoints_over, table_calls
 from aerodb.tables.analysis.nodes import air_beside
 from aerodb.tables.database import AeroDatabase
 from aerodb.tables.increment import Increment
@@ -18,6 +19,8 @@ _SPANS: Final = (10.0, 5.0, 3.0, 2.0, 1.5, 1.2, 1.1, 1.0)
 
 #: An airspeed [m/s] that none states: rates that are zero give the same at any.
 STAND_IN_SPEED: Final = 1.0
+#: Airspeeds [m/s] that are tried, from a model's to the speed of sound.
+_SPEEDS: Final = np.geomspace(3.0, 340.0, 60)
 
 
 @lru_cache(maxsize=16)
@@ -64,11 +67,42 @@ def unstated_inputs(database: AeroDatabase, stated: Mapping[str, Any]) -> dict[s
 
 def flight_speed(database: AeroDatabase) -> float:
     """Return an airspeed [m/s] at which the aircraft flies: the middle of what the flights of its
-    parameters have flown, else of its tables over V, else `STAND_IN_SPEED`."""
+    parameters have flown, else of its tables over V, else one within its tables over what V changes
+    (Reynolds number), else `STAND_IN_SPEED`."""
     known = [each.parameter for each in database.variables.values() if each.parameter is not None]
     ends = [end for each in known for end in each.flown.get("V", ())]
     ends = ends or [float(end) for points in breakpoints_over("V", database) for end in points]
-    return 0.5 * (min(ends) + max(ends)) if ends else STAND_IN_SPEED
+    return 0.5 * (min(ends) + max(ends)) if ends else _speed_of_tables(database)
+
+
+@lru_cache(maxsize=16)
+def _speed_of_tables(database: AeroDatabase) -> float:
+    """The middle of the airspeeds [m/s] that are within a table over what V changes, in the air of
+    sea level; `STAND_IN_SPEED` without such a table."""
+    definitions = {name: each.expression for name, each in database.variables.items()}
+    air = standard_atmosphere(0.0)
+    inside = np.zeros(len(_SPEEDS), dtype=bool)
+    for call in table_calls(database):
+        axes = database.tables[call.table].breakpoints if call.table in database.tables else ()
+        for argument, points in zip(call.arguments, axes, strict=False):
+            program = database.compiled(
+                [argument], definitions, {**database.tables, **database.scattered}
+            )
+            if "V" not in program.inputs:
+                continue
+            at = {name: np.zeros(len(_SPEEDS)) for name in program.inputs} | {
+                "V": _SPEEDS,
+                "temperature": np.full(len(_SPEEDS), float(air.temperature)),
+                "static_pressure": np.full(len(_SPEEDS), float(air.pressure)),
+                **air_beside({"V": _SPEEDS}),
+            }
+            at["rho"] = np.full(len(_SPEEDS), at["rho"])
+            with np.errstate(all="ignore"):
+                values = program.run({name: at[name] for name in program.inputs}).values[0]
+            if np.ptp(values) > 0.0:  # not rates of zero over it
+                inside |= (values >= np.min(points)) & (values <= np.max(points))
+    known = _SPEEDS[inside]
+    return float(0.5 * (known[0] + known[-1])) if len(known) else STAND_IN_SPEED
 
 
 def neutral_point(database: AeroDatabase, increments: Iterable[Increment] = ()) -> dict[str, float]:

@@ -260,3 +260,27 @@ def test_an_empty_unit_is_no_unit() -> None:
         for unit in ("", ' unit=""')
     ]
     np.testing.assert_array_equal(*given)
+
+
+def test_what_flightgear_has_of_the_motion_comes_from_the_flight() -> None:
+    """From the root of its tree, beside which JSBSim's own part is ``/fdm/jsbsim``."""
+    speed, alpha, beta = FLOWN["V"], FLOWN["alpha"], FLOWN["beta"]
+    expected = {
+        "/orientation/roll-deg": np.rad2deg(FLOWN["phi"]),
+        "/orientation/pitch-deg": np.rad2deg(FLOWN["theta"]),
+        "/orientation/alpha-deg": np.rad2deg(alpha),
+        "/orientation/side-slip-deg": np.rad2deg(beta),
+        "/velocities/uBody-fps": speed * np.cos(alpha) * np.cos(beta) / 0.3048,
+        "/velocities/vBody-fps": speed * np.sin(beta) / 0.3048,
+        "/velocities/mach": FLOWN["mach"],
+        "/environment/density-slugft3": FLOWN["rho"] / 515.378818,
+        "/environment/temperature-degc": FLOWN["temperature"] - 273.15,
+        "/fdm/jsbsim/fcs/flap-pos-deg": np.rad2deg(FLOWN["delta_flap"]),
+        "-/fdm/jsbsim/aero/alpha-rad": -alpha,
+    }
+    for name, values in expected.items():
+        np.testing.assert_allclose(force(name), values, rtol=1e-8, atol=1e-12, err_msg=name)
+    control = scale(
+        "/fdm/jsbsim/fcs/elevator-pos-rad", "/fdm/jsbsim/fcs/share", RANGE.format(-2, 2), ONE
+    )
+    np.testing.assert_allclose(force("fcs/share", control), 2 * FLOWN["delta_elevator"])
