@@ -80,7 +80,7 @@ if TYPE_CHECKING:
     from .qualification import closed_words, feedback_words, qualification_csv, uncovered_numbers
     from .reach import beyond_data, beyond_words, reach_of
     from .response_page import FlownStretch, response_report
-    from .style import FLAGGED, FLIGHT, MEASURED, UPDATED
+    from .style import FLAGGED, FLIGHT, MEASURED, PAGE_WIDTH, PHONE_WIDTH, UPDATED
     from .terms import derivative_unit, increment_terms, sensor_error_unit, term_name, term_unit
     from .update_page import UpdateStory, update_report
     from .version_page import NameMove, UsedFlight, VersionStory, version_report

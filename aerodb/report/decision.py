@@ -229,7 +229,8 @@ def _sensors(document: Mapping[str, Any], units: UnitSystem | None) -> list[str]
     """Sensors and vehicle data that were found to be wrong beside what was added."""
     found = [each for each in document["findings"] if each["verdict"] == "sensor"]
     return [
-        f"{sized_finding(each, units)}; correct it: errors are told without it" for each in found
+        f"{sized_finding(each, units)}; correct it; its part is left out of the errors"
+        for each in found
     ]
 
 

@@ -39,6 +39,8 @@ _ON_A_PAGE: Final = 4
 _ROW: Final = 2.2
 #: Panels side by side.
 _COLUMNS: Final = 2
+#: Least width [in] of a panel, with its labels.
+_LEAST: Final = 3.3
 #: A smaller change of a coefficient is rounding.
 _SAME: Final = 1e-12
 
@@ -49,6 +51,7 @@ def diff_figure(
     names: tuple[str, str],
     title: str,
     flown: Mapping[str, Array] | None = None,
+    width: float = PAGE_WIDTH,
 ) -> Figure:
     """Draw the coefficients [-] of two databases before and after, all other inputs neutral.
 
@@ -63,10 +66,11 @@ def diff_figure(
     names : labels of the two versions.
     title : title of the figure, or empty.
     flown : channel -> samples of the flights, drawn as a distribution along the lower edge.
+    width : of the figure [in]; panels stand below one another where two do not fit.
     """
     increments = (*new_increments(after, before), *new_increments(before, after))
     panels = slices(before, after)
-    figure = _figure(panels, increments, names, title, flown)
+    figure = _figure(panels, increments, names, title, flown, width)
     if not panels:
         _say(figure, _without_slices(before, after, names, increments))
     return figure
@@ -134,11 +138,12 @@ def _figure(
     names: tuple[str, str],
     title: str,
     flown: Mapping[str, Array] | None,
+    width: float = PAGE_WIDTH,
 ) -> Figure:
-    columns = min(_COLUMNS, max(1, len(panels)))
+    columns = min(max(1, int(width / _LEAST)), _COLUMNS, max(1, len(panels)))
     rows = max(1, -(-len(panels) // columns))
     figure, grid = panel_grid(
-        (PAGE_WIDTH, 0.4 + _ROW * rows),
+        (width, 0.4 + _ROW * rows),
         rows,
         columns,
         left=0.85,

@@ -76,14 +76,15 @@ def derivative_words(derivatives: Iterable[Mapping[str, Any]]) -> list[str]:
     derivatives : of the gate's document or of a version's report, per SI unit of the variable.
 
     >>> derivative_words([{"axis": "CZ", "variable": "alpha", "before": -2.24, "after": -2.48}])
-    ['CZ with alpha -2.24 -> -2.48 1/rad (+11 %)']
+    ['slope of CZ with alpha -2.24 -> -2.48 1/rad (+11 %)']
     """
     changes = []
     for each in derivatives:
         before, after, unit = each["before"], each["after"], term_unit(each["variable"])
         part = f" ({100.0 * (after / before - 1.0):+.0f} %)" if before else ""
         changes.append(
-            f"{each['axis']} with {each['variable']} {before:.3g} -> {after:.3g} {unit}{part}"
+            f"slope of {each['axis']} with {each['variable']}"
+            f" {before:.3g} -> {after:.3g} {unit}{part}"
         )
     return changes
 

@@ -26,6 +26,8 @@ DATABASE_LINE: Final = (0, (4, 1.5))
 #: Width [in] of a figure on A4 less its margins: a figure of this size is printed as it is, so
 #: that its type keeps its size.
 PAGE_WIDTH: Final = 7.1
+#: Width of a figure that is read on a phone [in].
+PHONE_WIDTH: Final = 3.6
 #: Largest height [in] of such a figure.
 PAGE_HEIGHT: Final = 9.2
 #: Smallest type of a figure [pt].

@@ -103,12 +103,12 @@ def diff_figure(
     request: Request,
     before: Reference,
     after: Reference,
+    on_phone: bool = False,
 ) -> Response:
-    """Slices through two versions where they differ, as a figure."""
+    """Slices through two versions where they differ, as a figure; for a phone below one another."""
     access = access_of(request)
-    drawn = draw_differences(
-        access.catalogue, version_at(access, before, None), version_at(access, after, None), "svg"
-    )
+    rows = [version_at(access, each, None) for each in (before, after)]
+    drawn = draw_differences(access.catalogue, rows[0], rows[1], "svg", on_phone)
     return Response(drawn, media_type="image/svg+xml")
 
 

@@ -99,20 +99,28 @@ def compare_versions(catalogue: Catalogue, before: VersionRow, after: VersionRow
 
 
 def draw_differences(
-    catalogue: Catalogue, before: VersionRow, after: VersionRow, suffix: str
+    catalogue: Catalogue,
+    before: VersionRow,
+    after: VersionRow,
+    suffix: str,
+    on_phone: bool = False,
 ) -> bytes:
-    """Return slices through two versions as a figure of a kind that `suffix` names, like ``.png``.
-    Raises InputError for another kind."""
+    """Return slices through two versions as a figure of a kind that `suffix` names, like ``.png``;
+    on_phone : as wide as a phone. Raises InputError for another kind."""
     kind = suffix.lower().removeprefix(".")
     if kind not in FIGURE_KINDS:
         raise InputError(
             f"unknown figure format '{suffix}'", "--figure", nearest(kind, FIGURE_KINDS)
         )
-    from aerodb.report import diff_figure
+    from aerodb.report import PAGE_WIDTH, PHONE_WIDTH, diff_figure
 
     old, new = database_of(catalogue, before), database_of(catalogue, after)
     figure = diff_figure(
-        old, new, (before.label, after.label), f"{after.vehicle}: {before.label} and {after.label}"
+        old,
+        new,
+        (before.label, after.label),
+        f"{after.vehicle}: {before.label} and {after.label}",
+        width=PHONE_WIDTH if on_phone else PAGE_WIDTH,
     )
     drawn = io.BytesIO()
     figure.savefig(drawn, format=kind, dpi=130)

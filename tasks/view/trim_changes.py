@@ -59,6 +59,7 @@ def _moved(name: str, before: float, after: float) -> str:
     """A variable before and after to a tenth of its display unit; empty where both are zero."""
     factor, unit = display_unit(name)
     shown = [round(factor * value, 1) + 0.0 for value in (before, after)]
+    name = name.removeprefix("delta_").replace("_", " ")
     return f"{name} {shown[0]} -> {shown[1]} {unit or ''}".rstrip() if any(shown) else ""
 
 

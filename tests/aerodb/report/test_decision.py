@@ -62,7 +62,7 @@ def test_a_wrong_sensor_beside_what_was_added_is_said_with_its_size() -> None:
     sensor = found(verdict="sensor", hypothesis="cg_offset@all:x")
     document = published(loop([found(), sensor], [found()], [proof("CX", 0.02, 0.005)]), "CX")
     (said,) = told(document)["wrong"]
-    assert said.endswith("(sensor); correct it: errors are told without it")
+    assert said.endswith("(sensor); correct it; its part is left out of the errors")
     assert "wrong" not in told(published(loop([found()], [found()], [proof("CX", 0.02, 0.005)])))
 
 

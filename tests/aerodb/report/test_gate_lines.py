@@ -53,7 +53,7 @@ def test_what_is_refused_and_open_stands_with_what_changes() -> None:
     asked = gate(check("stale", reasons=("a flight is retracted",)), check("parent"), notes=("n",))
     lines = dict(release_lines(asked, {"derivatives": [slope]}, responses, ("alpha 8 -> 7 deg",)))
     assert lines == {
-        "changes": ["CZ with alpha -2 -> -2.5 1/rad (+25 %)"],
+        "changes": ["slope of CZ with alpha -2 -> -2.5 1/rad (+25 %)"],
         "trim": ["alpha 8 -> 7 deg"],
         "gate": ["1 of 2 checks pass; fails stale"],
         "refused": ["a flight is retracted"],

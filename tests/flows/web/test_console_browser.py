@@ -169,6 +169,26 @@ def test_curves_are_drawn_beside_the_parent(browser: Any, address: str, made: Ma
         page.wait_for_selector("#sweep[data-shown=delta_elevator]")
 
 
+def test_the_figure_of_differences_is_seen_whole_on_a_phone(
+    browser: Any, address: str, made: Made
+) -> None:
+    with watched(browser, address, 400) as page:
+        for path in (
+            f"/diff?before={made.baseline}&after={made.candidate}",
+            f"/versions/{made.candidate}/promote",
+            f"/versions/{made.candidate}",
+        ):
+            visit(page, address, path)
+            figure = page.locator("figure picture img")
+            figure.scroll_into_view_if_needed()
+            figure.evaluate("(image) => image.decode()")
+            assert "on_phone=true" in figure.evaluate("(image) => image.currentSrc")
+            box = figure.bounding_box()
+            assert box["x"] >= 0
+            assert box["x"] + box["width"] <= 400
+            assert box["width"] >= 300, "letters are as large as they were drawn"
+
+
 def test_two_versions_are_drawn_side_by_side_while_other_inputs_are_moved(
     browser: Any, address: str, made: Made
 ) -> None:

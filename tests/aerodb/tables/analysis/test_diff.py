@@ -8,6 +8,7 @@ import pytest
 
 from aerodb.errors import InputError
 from aerodb.exchange.native import read_native
+from aerodb.report import PHONE_WIDTH
 from aerodb.report.diff_documents import diff_document
 from aerodb.report.diff_figures import diff_figure
 from aerodb.tables.analysis.consolidation import consolidate
@@ -237,5 +238,9 @@ def test_the_picture_shows_both_databases_band_and_envelope(handbook: AeroDataba
         np.testing.assert_allclose(np.asarray(line.get_ydata()), wanted, atol=1e-12)
     bounds = band.get_datalim(panel.transData)
     assert bounds.y0 < np.min(np.asarray(new.get_ydata()))
+    narrow = diff_figure(handbook, after, ("v0001", "v0002"), "", width=PHONE_WIDTH)
+    assert narrow.get_figwidth() == PHONE_WIDTH
+    places = [axes.get_position() for axes in narrow.axes]
+    assert {round(place.x0, 6) for place in places} == {round(places[0].x0, 6)}  # one column
     same = diff_figure(handbook, handbook, ("a", "b"), "nothing")
     assert "give the same coefficients" in same.axes[0].texts[0].get_text()
