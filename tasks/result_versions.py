@@ -15,9 +15,9 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 3,
     "fly": 7,
     "estimate": 24,
-    "update": 33,
+    "update": 34,
     "gram": 22,
-    "close_loop": 69,
+    "close_loop": 70,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

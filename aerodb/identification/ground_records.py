@@ -162,13 +162,14 @@ def ground_fit(
     names: Sequence[str],
     database: AeroDatabase,
     wind: tuple[float, float] | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> Fit:
     """Return the fit of parameters of a database's legs by a method that flies, in SI units.
 
-    The other arguments are those of `roll_model`. A parameter that the rolls do not determine is
-    ``not excited``, with the values that they do not exclude.
+    start : as of `fitted_roll`. The other arguments are those of `roll_model`. A parameter that the
+    rolls do not determine is ``not excited``, with the values that they do not exclude.
     """
-    fit = fitted_roll(function, roll_model(rolls, names, database, wind), rolls.records)
+    fit = fitted_roll(function, roll_model(rolls, names, database, wind), rolls.records, start)
     fit = bounded_roll_fit(function, rolls, fit, names, database, names, wind)
     return replace(fit, notes=(*fit.notes, *rolls.assumed))
 
@@ -183,8 +184,8 @@ def roll_fit(
 ) -> Fit:
     """Return the fit of parameters of a database over rolls in unknown winds, in SI units.
 
-    start : wind and start of each roll from which to search, of a fit without the parameters; None:
-        they are searched first. held : parameter -> value that it keeps.
+    start : as of `fitted_roll`, of a fit without the parameters. held : parameter -> value that it
+        keeps.
     """
     kept = held or {}
     model = roll_model(rolls, [*names, *kept], database)
@@ -193,10 +194,7 @@ def roll_fit(
         for item in model.parameters.items
     ]
     model = replace(model, parameters=Parameters(tuple(items)))
-    if start is None:
-        return fitted_roll(function, model, rolls.records)
-    begun = {name: value for name, value in start.items() if name in model.parameters.names}
-    return function(replace(model, parameters=model.parameters.changed(begun)), rolls.records)
+    return fitted_roll(function, model, rolls.records, start)
 
 
 def bounded_roll_fit(

@@ -165,13 +165,22 @@ class GroundRoll:
 
 
 def fitted_roll(
-    function: Callable[..., Fit], model: GroundRoll, records: Sequence[TimeHistory]
+    function: Callable[..., Fit],
+    model: GroundRoll,
+    records: Sequence[TimeHistory],
+    start: Mapping[str, float] | None = None,
 ) -> Fit:
     """Return the fit of a method that flies: first of wind and start alone, at the multiple of each
     of the database's parameters and from the crosswind that explain the rolls best, then of all.
 
     From a wind of zero, parameters would first take what the wind does. SI units.
+
+    start : parameter -> value from which to search, of an earlier fit of the same rolls: their wind
+    and start are not searched first.
     """
+    if start is not None:
+        known = {name: value for name, value in start.items() if name in model.parameters.names}
+        return function(replace(model, parameters=model.parameters.changed(known)), records)
     own = [name for name in model.flight.parameters if name in model.parameters.names]
     begun = _in_crosswinds(_near_friction(model, records), records)
     if not any(begun.parameters[name].free for name in own):

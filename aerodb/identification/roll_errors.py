@@ -86,12 +86,13 @@ def roll_errors(
     values: Mapping[str, float],
     database: AeroDatabase,
     wind: tuple[float, float] | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> list[RollError]:
     """Return what rolls leave beside legs with some values of their parameters; a roll whose search
     for wind and start does not end is not among them.
 
     function : a method that flies. values : parameter -> value, in its unit. wind : as of
-    `roll_model`.
+    `roll_model`. start : as of `fitted_roll`.
     """
     found = []
     whole = roll_model(rolls, [*values], database, wind)
@@ -102,7 +103,10 @@ def roll_errors(
         own = [i for i in whole.parameters.items if i.name.endswith(f"[{record.name}]")]
         outputs = tuple(n for n in whole.outputs if np.isfinite(record.outputs[n]).any())
         model = replace(whole, parameters=Parameters((*held, *own)), outputs=outputs)
-        fit = fitted_roll(function, model, [record])
+        begun = (
+            {i.name: start[i.name] for i in own if i.free and i.name in start} if start else None
+        )
+        fit = fitted_roll(function, model, [record], begun or None)
         if all(np.isfinite(each.value) for each in fit.estimates):
             found.append(_error(fit, model, record, rolls.flights[record.name]))
     return found

@@ -28,15 +28,17 @@ def updated_by_rolls(
     names: Sequence[str],
     database: AeroDatabase,
     wind: tuple[float, float] | None = None,
+    start: Mapping[str, float] | None = None,
 ) -> RollUpdate:
     """Return the database with those of some parameters of its legs that rolls determine; the
     others stay.
 
     function : a method that flies. wind : north and east [m/s]; None: unknown, steady in each roll.
+    start : as of `fitted_roll`.
     Covariance (k, k) is in the parameters' units. Raises InputError where the search does not end,
     and where the rolls determine none of the parameters.
     """
-    fit = ground_fit(function, rolls, names, database, wind)
+    fit = ground_fit(function, rolls, names, database, wind, start)
     if not fit.converged:
         raise InputError(
             "the search for friction, wind and start does not end",

@@ -34,13 +34,15 @@ _POWER: Final = 0.84
 class RollSearch:
     """Findings of rolls, those that enter, what was not found, and the fit of all that entered.
 
-    taken : parameters of the legs that entered. without_value : name -> what rolls exclude of it.
+    start : wind and start of each roll beside the database. taken : parameters of the legs that
+    entered. without_value : name -> what rolls exclude of it.
     notes : sentences on what differs between flights.
     """
 
     findings: tuple[Finding, ...]
     added: tuple[Finding, ...]
     not_found: tuple[NotFound, ...]
+    start: Mapping[str, float]
     taken: tuple[str, ...]
     fit: Fit | None
     rounds: int
@@ -132,6 +134,7 @@ class _Search:
             findings,
             tuple(f for f in findings if f.parameter in self.taken and f.parameter != AIR_DRAG),
             tuple(self._not_found(n, fit) for n, fit in bounded.items()),
+            self.start,
             tuple(n for n in self.taken if n != AIR_DRAG),
             self.joint,
             rounds,

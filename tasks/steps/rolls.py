@@ -6,6 +6,8 @@ from dataclasses import asdict, dataclass, replace
 from functools import cache
 from typing import Any, Final
 
+import numpy as np
+
 from aerodb.errors import InputError
 from aerodb.estimation import Fit
 from aerodb.identification import (
@@ -97,13 +99,18 @@ def update_from_rolls(plan: UpdatePlan, *, workspace: str, run: str) -> dict[str
 
     names = model.parameters
 
-    def updated(flights: Sequence[str]) -> AeroDatabase:
-        return updated_by_rolls(function, rolls.of(flights), names, database, model.wind).candidate
-
     update = updated_by_rolls(
         function, rolls.of(plan.hold_out.identified), names, database, model.wind
     )
-    proof = _proved(plan, rolls, function, (database, update.candidate), names, updated, model.wind)
+    begun = _found(update.fit)
+
+    def updated(flights: Sequence[str]) -> AeroDatabase:
+        used = rolls.of(flights)
+        return updated_by_rolls(function, used, names, database, model.wind, begun).candidate
+
+    beside = (database, update.candidate)
+    starts = (None, begun)
+    proof = _proved(plan, rolls, function, beside, names, updated, starts, model.wind)
     candidate = _of_line(access, plan, update.candidate)
     document = update_document(
         vehicle=plan.vehicle,
@@ -168,29 +175,38 @@ def _proved(
     databases: tuple[AeroDatabase, AeroDatabase],
     names: Sequence[str],
     updated: Callable[[Sequence[str]], AeroDatabase],
+    starts: tuple[Mapping[str, float] | None, Mapping[str, float] | None],
     wind: tuple[float, float] | None,
 ) -> _Proof:
     """Errors of the rolls beside two databases (before, after) that differ in `names`.
 
-    updated : the second one from some flights (ids), where each is left out in turn.
+    updated : the second one from some flights (ids), where each is left out in turn. starts :
+    wind and start of rolls beside both, from which they are searched again.
     """
 
-    def errors(beside: AeroDatabase, flights: Sequence[str]) -> list[RollError]:
+    def errors(
+        beside: AeroDatabase, flights: Sequence[str], start: Mapping[str, float] | None
+    ) -> list[RollError]:
         values = {name: beside.parameters[name] for name in names}
-        return roll_errors(function, rolls.of(flights), values, beside, wind)
+        return roll_errors(function, rolls.of(flights), values, beside, wind, start)
 
-    before, after = (errors(each, plan.flights) for each in databases)
-    left_out = [
-        error
-        for flight in plan.flights
-        if plan.hold_out.kind == "cross-validated" and databases[0] != databases[1]
+    before = errors(databases[0], plan.flights, starts[0])
+    changed = databases[0] != databases[1]
+    after = errors(databases[1], plan.flights, starts[1]) if changed else before
+    left_out = list[RollError]()
+    for flight in plan.flights if changed and plan.hold_out.kind == "cross-validated" else ():
         # others that do not tell predict as the baseline
-        for error in errors(_by_others(updated, plan.flights, flight) or databases[0], [flight])
-    ]
+        by_others = _by_others(updated, plan.flights, flight)
+        left_out += errors(by_others or databases[0], [flight], starts[by_others is not None])
     return _Proof(
         validated_rolls(before, after, plan.hold_out, left_out),
         rolls_document(rolls, left_out or after, databases, names, plan.hold_out),
     )
+
+
+def _found(fit: Fit) -> dict[str, float]:
+    """The values that a fit has, by name."""
+    return {each.name: each.value for each in fit.estimates if np.isfinite(each.value)}
 
 
 def _by_others(
@@ -220,9 +236,12 @@ def close_loop_on_rolls(
     search = search_rolls(function, used, names, wide, accept)
     taken, candidate = search.taken, database
 
+    begun = search.start if search.fit is None else _found(search.fit)
+
     @cache
     def by(flights: tuple[str, ...]) -> AeroDatabase:
-        return updated_by_rolls(function, rolls.of(flights), taken, database).candidate
+        used = rolls.of(flights)
+        return updated_by_rolls(function, used, taken, database, None, begun).candidate
 
     def updated(flights: Sequence[str]) -> AeroDatabase:
         return by(tuple(flights))
@@ -234,9 +253,8 @@ def close_loop_on_rolls(
             search = without_added(search, "rolls of fewer flights do not tell of it")
     if search.fit is not None and search.taken:
         candidate = with_fitted_legs(database, search.fit, used, search.taken)
-    proof = _proved(
-        plan, rolls, function, (database, candidate), search.taken or names, updated, None
-    )
+    beside, starts = (database, candidate), (search.start, begun)
+    proof = _proved(plan, rolls, function, beside, search.taken or names, updated, starts, None)
     library = hashlib.sha256(
         canonical_json({"rolls": 1, "parameters": list(names), "level": TracingSettings().level})
     ).hexdigest()

@@ -1,7 +1,7 @@
 """Maximum likelihood by Gauss-Newton steps with Levenberg-Marquardt damping, bounds, priors and
 equality constraints."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -95,24 +95,26 @@ class _Search:
         def one(history: TimeHistory) -> ModelResponse:
             return respond(self.model, self.parameters, vector, history, steps)
 
+        return self._state(vector, self._of_each(one))
+
+    def _of_each(self, one: Callable[[TimeHistory], ModelResponse]) -> tuple[ModelResponse, ...]:
         each = map(one, self.histories) if self.quick else in_threads(one, self.histories)
-        return self._state(vector, tuple(each))
+        return tuple(each)
 
     def worse(self, vector: Array, cost: float) -> bool:
         """Return whether the outputs alone show that a step to `vector` raises the cost:
         derivatives that would be thrown away are not computed."""
-        if not self.quick:
-            return False
         return self.outputs_only(vector).cost > cost + 1e-9 * abs(cost)
 
     def outputs_only(self, vector: Array) -> _State:
         """The state at `vector` without derivatives."""
         values, none = self.parameters.values(vector), np.zeros(0)
-        responses = []
-        for history in self.histories:
+
+        def one(history: TimeHistory) -> ModelResponse:
             outputs = self.model.simulated(values, history)[:, :, 0]
-            responses.append(ModelResponse(outputs, none, none.astype(np.int64), none, none))
-        return self._state(vector, tuple(responses))
+            return ModelResponse(outputs, none, none.astype(np.int64), none, none)
+
+        return self._state(vector, self._of_each(one))
 
     def _state(self, vector: Array, responses: tuple[ModelResponse, ...]) -> _State:
         o = len(self.model.outputs)
@@ -202,7 +204,8 @@ def search(
             break
         before = state.cost + penalty * float(np.abs(normal.gaps).sum())
         after, now = state, np.inf
-        if damping == 0.0 or not problem.worse(trial, before):
+        unsure = damping > (0.0 if problem.quick else _LIGHT) and not len(normal.gaps)
+        if not (unsure and problem.worse(trial, before)):
             after = problem.at(trial, problem.steps(trial, information))
             now = after.cost + penalty * _gap(after.responses)
         if now <= before + 1e-9 * abs(before) or (small and damping < _LIGHT and now < np.inf):

@@ -1,6 +1,7 @@
 """Rolls on the ground: JSBSim's as an independent second, planted friction, and what cannot be said."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -16,6 +17,7 @@ from aerodb.identification import (
     ground_parameters,
     ground_rolls,
     recorded_rolls,
+    roll_errors,
 )
 from aerodb.identification.ground_records import roll_model
 from aerodb.identification.ground_roll import fitted_roll
@@ -154,6 +156,24 @@ def test_a_slope_without_height_above_ground_costs_a_part_of_the_roll_and_says_s
 def test_a_right_friction_stays() -> None:
     found = by_all(rolled(), ("mu_brake",))
     assert abs(found["mu_brake"].value - 0.22) < 3.0 * found["mu_brake"].standard_error
+
+
+def test_errors_from_a_start_that_is_known_take_fewer_fits_and_are_the_same() -> None:
+    """Wind and start of an earlier fit are not searched again among crosswinds."""
+    rolls = recorded_rolls([RolledFlight(rolled(), WHEELS, "roll")], OWN)
+    fits = list[Fit]()
+
+    def counted(*given: Any) -> Fit:
+        fits.append(output_error(*given))
+        return fits[-1]
+
+    values = {"mu_brake": 0.22}
+    (cold,) = roll_errors(counted, rolls, values, OWN)
+    (warm,) = roll_errors(counted, rolls, values, OWN, None, {**cold.found, "mu_brake": 0.3})
+    first, again = fits
+    assert again.iterations < first.iterations / 2
+    for name in cold.measured:
+        np.testing.assert_allclose(warm.residual(name), cold.residual(name), atol=0.02)
 
 
 @pytest.mark.parametrize(
