@@ -77,7 +77,7 @@ if TYPE_CHECKING:
     from .next_command import accepting, measurements, measuring
     from .numbers import display_unit, for_people
     from .page import pdf, render
-    from .qualification import closed_words, feedback_words, qualification_csv, uncovered_numbers
+    from .qualification import closed_words, feedback_lines, qualification_csv, uncovered_numbers
     from .reach import beyond_data, beyond_words, reach_of
     from .response_page import FlownStretch, response_report
     from .style import FLAGGED, FLIGHT, MEASURED, PAGE_WIDTH, PHONE_WIDTH, UPDATED

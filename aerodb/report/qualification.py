@@ -27,7 +27,7 @@ NOT_COMPARED: Final = "not compared with the text"
 MOST_ROWS: Final = 100
 
 _CASE: Final = (
-    "test", "compared with the text", "title", "condition asked for", "not judged", "check",
+    "test", "title", "condition asked for", "not judged", "compared with the text", "check",
     "flight", "manoeuvre",
     "from [s]", "to [s]", "true airspeed [kt]", "altitude [ft]", "mass [kg]", "configuration",
     "tolerance", "time inside required [%]",
@@ -133,8 +133,8 @@ def qualification_csv(summary: Mapping[str, Any], version: str, baseline: str) -
         rows.append(
             [
                 case["test"] or UNCHECKED,
-                _compared(test) if test else "",
                 *(test.get(key, "") for key in ("title", "condition", "not_judged")),
+                _compared(test) if test else "",
                 case["check"],
                 case["name"],
                 case["kind"],
@@ -151,13 +151,13 @@ def qualification_csv(summary: Mapping[str, Any], version: str, baseline: str) -
             ]
         )
     for test in summary.get("not_covered", ()):
-        cells = [test["number"], _compared(test), test["title"], test["condition"]]
+        cells = [test["number"], test["title"], test["condition"], "", _compared(test)]
         rows.append(_padded(cells, ["not covered"] * len(versions)))
     for each in summary["not_flown"]:
-        cells = ["", "", each["reason"], "", "", "", each["name"], "", f"{each['since']:.2f}"]
+        cells = ["", each["reason"], "", "", "", "", each["name"], "", f"{each['since']:.2f}"]
         rows.append(_padded([*cells, f"{each['until']:.2f}"], ["not flown"] * len(versions)))
     for told in (*feedback_words(summary), *standard_words(summary)):
-        rows.append(_padded(["note", "", told], [""] * len(versions)))
+        rows.append(_padded(["note", told], [""] * len(versions)))
     return csv_text(header, rows)
 
 
@@ -240,15 +240,21 @@ def _ranges(numbers: Sequence[str]) -> str:
 def feedback_words(summary: Mapping[str, Any]) -> list[str]:
     """Return in sentences how often feedback was closed and by how much it corrected, and the
     open-loop result; none where it was not."""
+    told = zip(("Feedback was", "Open loop,"), feedback_lines(summary), strict=False)
+    return [f"{begin} {text}." for begin, text in told]
+
+
+def feedback_lines(summary: Mapping[str, Any], units: UnitSystem = _TRADE) -> list[str]:
+    """Return how often feedback was closed and by how much it corrected, and the open-loop result;
+    none where it was not."""
     known = summary.get("feedback")
     if not known:
         return []
     flown, correction = (summary["stabilised"], summary["manoeuvres"]), known["correction"]
-    words = [f"Feedback was {closed_words(*flown, 'manoeuvres', correction, _TRADE)}."]
-    alone = f"Open loop, {known['passed']} of {known['checks']} checks are within tolerance"
+    alone = f"{known['passed']} of {known['checks']} checks are within tolerance"
     if known["doubling_time"] is not None:
         alone += f": the fastest motion doubles in {known['doubling_time']:.2f} s"
-    return [*words, f"{alone}."]
+    return [closed_words(*flown, "manoeuvres", correction, units), alone]
 
 
 def closed_words(closed: int, flown: int, what: str, correction: float, units: UnitSystem) -> str:

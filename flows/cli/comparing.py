@@ -110,7 +110,7 @@ def _say(
 
 
 def _erring(document: Mapping[str, Any], erring: Mapping[str, float]) -> str:
-    """Return how many axes err by more than noise."""
+    """Return how many axes err by more than the sensors' noise."""
     if not erring:
         return "no axis errs beyond noise"
     return f"{len(erring)} of {len(document['axes'])} axes err beyond noise"

@@ -18,7 +18,7 @@ from aerodb.remarks import NEVER_AIRBORNE, WIDE_LIMITS, from_document
 if TYPE_CHECKING:
     from aerodb.units import UnitSystem
 
-#: A residual below so many noise floors is mostly noise of the sensors.
+#: A residual below so many times the sensor noise is mostly noise of the sensors.
 _ABOVE_NOISE: Final = math.sqrt(2.0)
 #: Longest name of a file that keeps its line.
 _NAME: Final = 30
@@ -271,7 +271,7 @@ def say_comparison(session: Session, comparison: Mapping[str, Any]) -> None:
         for axis, v in comparison["axes"].items()
     ]
     session.table(
-        ["axis", "flight rms", "flight - database rms", "of flown", "noise floor", "", "samples"],
+        ["axis", "flight rms", "flight - database rms", "of flown", "sensor noise", "", "samples"],
         rows,
         numbers=(1, 2, 3, 4, 6),
     )

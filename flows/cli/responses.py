@@ -167,6 +167,7 @@ def validate(
     ] = None,
     beside: Beside = None,
     vehicle: Vehicle = None,
+    verbose: Verbose = False,
 ) -> None:
     """Fly a version and its baseline over the manoeuvres of its held-out flights, and judge the
     responses. Exits with 4 where a check fails.
@@ -200,7 +201,7 @@ def validate(
     document = session.run(validate_flow, parameters, direct=True)
     page = document.pop("page", None)
     then = f"aerodb version gate {row.label} --vehicle {row.vehicle}"
-    say_responses(session, row.label, document, then=then)
+    say_responses(session, row.label, document, verbose, then)
     _write(session, output, page)
     if table is not None:
         from aerodb.report import qualification_csv
@@ -377,16 +378,22 @@ def _remedy(document: dict[str, Any]) -> str:
     return next(filter(None, remedies), "hold out flights with manoeuvres")
 
 
+def _not_flown(entries: list[dict[str, Any]], verbose: bool) -> str:
+    """How many stretches were not flown, and where it is said why."""
+    told = f"{len(entries)} stretch{'es' * (len(entries) != 1)}"
+    return f"{told}{'' if verbose else ' (why: -v)'}" if entries else ""
+
+
 def say_responses(
     session: Session,
     label: str,
     document: dict[str, Any],
-    verbose: bool = True,
+    verbose: bool = False,
     then: str = "",
 ) -> None:
     """Print the summary of `validate_flow` for a version of this label; without `verbose` the
     tolerances alone. then : the next command, where something was flown."""
-    from aerodb.report import channel_scale, feedback_words, uncovered_numbers
+    from aerodb.report import channel_scale, feedback_lines, uncovered_numbers
 
     held = "held-out flight" if document["independent"] else "flight"
     kind = "" if document["independent"] else " that identified it"
@@ -401,7 +408,10 @@ def say_responses(
             ("not covered", uncovered_numbers(document)),
         ],
         then if document["manoeuvres"] else _remedy(document),
-        [("feedback", " ".join(feedback_words(document)))],
+        [
+            *zip(("feedback", "open loop"), feedback_lines(document, session.units), strict=False),
+            ("not flown", _not_flown(document["not_flown"], verbose)),
+        ],
     )
     rows = []
     for check in document["checks"]:
@@ -419,7 +429,16 @@ def say_responses(
         session.say()
         columns = ["check", "within tolerance", "of the time", "baseline", "of the time"]
         session.table(columns, rows, range(1, 5))
+    for failed in document["failed"][:_NAMED]:
+        session.say(
+            f"outside: {failed['name']}, {failed['since']:.1f} to {failed['until']:.1f} s:"
+            f" {failed['check']}, {failed['share']:.0%} of the time inside"
+        )
+    if len(document["failed"]) > _NAMED:
+        session.say(f"and {len(document['failed']) - _NAMED} more: --json")
     if not verbose:
+        if document["responses"]:
+            session.say("errors of each response: -v")
         return
     if document["responses"]:
         session.say()
@@ -447,13 +466,6 @@ def say_responses(
             ],
             range(1, 7),
         )  # fmt: skip
-    for failed in document["failed"][:10]:
-        session.say(
-            f"outside: {failed['name']}, {failed['since']:.1f} to {failed['until']:.1f} s:"
-            f" {failed['check']}, {failed['share']:.0%} of the time inside"
-        )
-    if len(document["failed"]) > 10:
-        session.say(f"and {len(document['failed']) - 10} more: --json")
     for entry in document["not_flown"]:
         session.say(
             f"not flown: {entry['name']}, {entry['since']:.1f} to"

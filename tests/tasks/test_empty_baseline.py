@@ -83,7 +83,7 @@ def test_the_candidate_and_a_version_without_inputs_fly(workspace, tmp_path) -> 
     flight = made["9752ed20"]["flight"]
     for version, against in ((document["label"], "parent"), ("v0001", "none")):
         given = ("version", "validate", version, "--flight", flight, "--against", against)
-        answer = aerodb(root, *given, "--table", str(file))
+        answer = aerodb(root, *given, "-v", "--table", str(file))
         assert answer.returncode == 4, answer.stderr  # judged, and outside the tolerances
         assert "rms error" in answer.stdout
         assert "not covered  2.c.1-" in answer.stdout

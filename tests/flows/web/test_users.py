@@ -196,7 +196,9 @@ def test_a_qualification_engineer_sees_what_is_within_tolerance_and_what_is_miss
     validate = ("version", "validate", "candidate", "--table", str(table))
     code, lines = on_terminal(workspace, 100, *validate)
     assert code in (0, 4), lines
-    answered(workspace, validate, "checks within tolerance: ", "not covered +2", code=code)
+    said = answered(workspace, validate, "checks within tolerance: ", "not covered +2", code=code)
+    assert "errors of each response: -v" in said
+    assert not any("covariance" in line for line in said)
     assert table.read_text("utf-8").startswith("test,title")
     flown = ("version", "fly", "candidate", "--flight", "flight-1")
     lines = answered(workspace, flown, r"\d+ of \d+ checks within", "next +aerodb version validate")
