@@ -21,6 +21,7 @@ from aerodb.tasks.steps import (
     which_levels_stay,
     with_bands,
     with_gate,
+    with_rolls,
     write_update_page,
 )
 from aerodb.tasks.workspace_access import access_workspace
@@ -83,16 +84,19 @@ def close_loop_flow(
         document = steps(with_gate, document, **where)
         return {**document, "page": steps(write_update_page, document, **where)}
     compared = steps.each(compare_with_version, flights, **where, version=baseline, confine=False)
-    plan = steps(
-        plan_update,
-        compared,
-        **where,
-        vehicle=vehicle,
-        baseline=baseline,
-        model="",
-        hold_out=hold_out,
-        select=select or (),
-    )
+    try:
+        plan = steps(
+            plan_update,
+            compared,
+            **where,
+            vehicle=vehicle,
+            baseline=baseline,
+            model="",
+            hold_out=hold_out,
+            select=select or (),
+        )
+    except InputError as error:
+        raise with_rolls(error, baseline, flights, **where) from error
     frozen = steps(
         freeze_library, plan, **where, effects=effects, expected=library, measured=measured or []
     )

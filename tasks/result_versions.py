@@ -14,10 +14,10 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 20,
     "import": 3,
     "fly": 7,
-    "estimate": 24,
-    "update": 34,
+    "estimate": 25,
+    "update": 35,
     "gram": 22,
-    "close_loop": 70,
+    "close_loop": 71,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -16,9 +16,10 @@ from aerodb.identification.database_parameters import unknown
 from aerodb.identification.ground_roll import OUTPUTS, START, GroundRoll, fitted_roll
 from aerodb.identification.likelihood_bounds import with_bounds
 from aerodb.nomenclature import MOST_SHARE, SHARES
+from aerodb.parts import contact_points
 from aerodb.physics import GRAVITY, Earth, standard_atmosphere
 from aerodb.simulation import MASS_PROPERTIES, Condition, FlightModel, bridged, flight_model, trim
-from aerodb.support import Array
+from aerodb.support import CLAIM, Array, standard_errors
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
 
@@ -39,8 +40,13 @@ _BEGINNING: Final = 2.0
 _PITOT: Final = 0.5
 #: Pitch attitude [rad] above that on all wheels at which the nose wheel is in the air.
 _NOSE_UP: Final = float(np.deg2rad(2.0))
-#: Time over which the pitch attitude is smoothed for that [s].
+#: Time over which pitch attitude and height are smoothed for that [s].
 _NOSE_WINDOW: Final = 0.5
+#: Time after a bounce from which the height on the wheels is taken [s]: bounces last a second or
+#: two.
+_SETTLES: Final = 6.0
+#: Variance of a second difference of independent values, over theirs: 1 + 4 + 1.
+SECOND_DIFFERENCE: Final = 6.0
 #: Slope of a runway over its standard error from which it counts, and parts of a roll from whose
 #: mean altitudes it is taken: altitudes drift,
 _SLOPED: Final = 4.0
@@ -297,9 +303,10 @@ def _record(
                 " below the place of standstill was left out as flight"
             )
         series["force_x"] = series["force_x"] - GRAVITY * slope * series["mass"]
-    kept = _on_all_wheels(flight, whole, start["theta"], notes)
+    travel = _compression(model.database, at_start, start, altitude or 0.0)
+    kept = _on_all_wheels(flight, whole, start["theta"], travel, notes)
     if (kept.stop - kept.start) * flight.step < _SHORTEST:
-        raise InputError("the nose wheel is in the air", where, "choose a roll on all wheels")
+        raise InputError("wheels are in the air", where, "choose a roll on all wheels")
     time = flight.time[whole][kept]
     record = TimeHistory(
         name,
@@ -379,25 +386,65 @@ def _first(time: Array, measured: Mapping[str, Array]) -> dict[str, float]:
     }
 
 
-def _on_all_wheels(flight: Flight, whole: slice, level: float, notes: list[str]) -> slice:
-    """The longest part of a roll (its own samples) in which the nose wheel is on the ground."""
+def _compression(
+    database: AeroDatabase,
+    at_start: Mapping[str, float],
+    start: Mapping[str, float],
+    ground: float,
+) -> float:
+    """By how much [m] the leg that is compressed most carries the vehicle."""
+    points = contact_points(database) - [at_start[f"cg_{axis}"] for axis in "xyz"]
+    phi, theta = start["phi"], start["theta"]
+    down = [-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)]
+    return float((points @ down).max() - (start["altitude"] - ground))
+
+
+def _on_all_wheels(
+    flight: Flight, whole: slice, level: float, travel: float, notes: list[str]
+) -> slice:
+    """The longest part of a roll (its own samples) in which all wheels are on the ground.
+
+    level : pitch attitude on all wheels [rad]. travel : of the legs under the weight [m].
+    """
     n = whole.stop - whole.start
-    if "theta" not in flight or not flight.usable(["theta"])[whole].any():
+    window = max(3, round(_NOSE_WINDOW / flight.step))
+    low = np.ones(n, dtype=bool)
+    theta = _bridged(flight, "theta", whole)
+    if theta is None:
         notes.append("theta is not known; all wheels were taken to be on the ground")
-        return slice(0, n)
-    good = np.flatnonzero(flight.usable(["theta"])[whole])
-    theta = np.interp(np.arange(n), good, flight["theta"][whole][good])
-    smooth = median_filter(theta, max(3, round(_NOSE_WINDOW / flight.step)), mode="nearest")
-    low = np.concatenate([[False], smooth < level + _NOSE_UP, [False]])
-    edges = np.flatnonzero(np.diff(low.astype(int))).reshape(-1, 2)
+    else:
+        low = median_filter(theta, window, mode="nearest") < level + _NOSE_UP
+    height = _bridged(flight, "height_above_ground", whole)
+    bounced = np.zeros(n, dtype=bool)
+    if height is not None:
+        smooth = median_filter(height, window, mode="nearest")
+        noise = np.std(np.diff(height, 2)) / np.sqrt(SECOND_DIFFERENCE * window)
+        ahead = round(_SETTLES / flight.step)
+        later = median_filter(smooth, ahead, mode="nearest", origin=-(ahead // 2))
+        bounced = smooth - later > travel + standard_errors(CLAIM) * noise
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], low & ~bounced, [False]]).astype(int)))
     if not len(edges):
         return slice(0, 0)
-    first, last = edges[np.argmax(edges[:, 1] - edges[:, 0])]
-    if last - first < n:
+    parts = edges.reshape(-1, 2)
+    first, last = parts[np.argmax(parts[:, 1] - parts[:, 0])]
+    if bounced.any():
+        notes.append(
+            f"it leaves the ground for {bounced.sum() * flight.step:.1f} s; the longest part on all"
+            " wheels was taken"
+        )
+    if not low.all():
         notes.append(
             f"{(n - last + first) * flight.step:.1f} s with the nose wheel in the air left out"
         )
     return slice(int(first), int(last))
+
+
+def _bridged(flight: Flight, name: str, whole: slice) -> Array | None:
+    """A channel (n,) of a roll, interpolated where it may not be used; None where it never may."""
+    if name not in flight or not (usable := flight.usable([name])[whole]).any():
+        return None
+    good = np.flatnonzero(usable)
+    return np.interp(np.arange(len(usable)), good, flight[name][whole][good])
 
 
 def _slope(flight: Flight, whole: slice, measured: Mapping[str, Array]) -> float:

@@ -12,7 +12,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.estimation import Fit, Parameters, TimeHistory
-from aerodb.identification.ground_records import Rolls, roll_model
+from aerodb.identification.ground_records import SECOND_DIFFERENCE, Rolls, roll_model
 from aerodb.identification.ground_roll import GroundRoll, fitted_roll
 from aerodb.increments import AxisValidation, HoldOut, axis_outcome, repeatability
 from aerodb.nomenclature import ROLL_OUTPUTS
@@ -29,8 +29,6 @@ _TURNED: Final = (
 #: Time over which second differences give the noise of an output [s]: positions come once a second
 #: or faster, and a vehicle hardly leaves its model within that time.
 _NOISE_TIME: Final = 1.0
-#: Variance of a second difference of independent values, over theirs: 1 + 4 + 1.
-_SECOND_DIFFERENCE: Final = 6.0
 #: A roll is flown on after its record for up to this time [s] to its standstill: from 3 m/s it
 #: rolls 10 s with friction of 0.03.
 _ROLLS_ON: Final = 30.0
@@ -77,7 +75,7 @@ class RollError:
         k = max(1, round(_NOISE_TIME / float(self.time[1] - self.time[0])))
         second = left[2 * k :] - 2.0 * left[k:-k] + left[: -2 * k]
         second = second[np.isfinite(second)]
-        return float(np.sqrt(np.mean(second**2) / _SECOND_DIFFERENCE)) if len(second) else 0.0
+        return float(np.sqrt(np.mean(second**2) / SECOND_DIFFERENCE)) if len(second) else 0.0
 
 
 def roll_errors(

@@ -225,13 +225,14 @@ def _after_show(access: "WorkspaceAccess", row: "FlightRow") -> str:
     """Return the next command of a flight; empty for a roll whose brakes are not known."""
     from aerodb.tasks.view import roll_command
 
+    imported = f"aerodb database import FILE --vehicle {row.vehicle}"
     if not access.catalogue.versions(row.vehicle, 1):
-        return f"aerodb database import FILE --vehicle {row.vehicle}"
+        return imported
     if NEVER_AIRBORNE in (remark.kind for remark in row.remarks):
         return roll_command(access, row)
     if access.named(row.vehicle, "released"):
         return f"aerodb flight compare {row.id[:12]} released"
-    return f"aerodb database import FILE --vehicle {row.vehicle}"
+    return roll_command(access, row) or imported
 
 
 def called(row: "FlightRow", log: "LogRow | None") -> str:

@@ -142,10 +142,11 @@ def _uneven_words(taken: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _next_of_rolls(session: Session, taken: Sequence[Mapping[str, Any]]) -> str:
-    """Return the next command of flights that were never airborne, of a vehicle with a version;
-    empty for others."""
+    """Return the next command of flights that were never airborne, or that nothing was compared
+    with, of a vehicle with a version; empty for others."""
     remarks = [(each["consistency"] or {}).get("verdict_remarks", []) for each in taken]
-    if not all(NEVER_AIRBORNE in (entry["kind"] for entry in each) for each in remarks):
+    rolled = all(NEVER_AIRBORNE in (entry["kind"] for entry in each) for each in remarks)
+    if not rolled and any(_axes(each) for each in taken):
         return ""
     from aerodb.tasks.view import roll_command
     from aerodb.tasks.workspace_access import WorkspaceAccess
@@ -155,7 +156,7 @@ def _next_of_rolls(session: Session, taken: Sequence[Mapping[str, Any]]) -> str:
     if not catalogue.versions(row.vehicle, 1):
         return ""
     access = WorkspaceAccess(session.workspace(), catalogue)
-    return roll_command(access, row) or f"aerodb flight show {row.id[:12]}"
+    return roll_command(access, row) or (f"aerodb flight show {row.id[:12]}" if rolled else "")
 
 
 def _next(taken: Sequence[Mapping[str, Any]], vehicle: str) -> str:

@@ -74,7 +74,7 @@ if TYPE_CHECKING:
     from .publish import publish_candidate, publish_loop
     from .release import judge_version, promote, roll_back, with_gate
     from .report import flight_page, lineage_of, update_page, version_page, write_update_page
-    from .rolls import close_loop_on_rolls, plan_rolls, rolls_alone, update_from_rolls
+    from .rolls import close_loop_on_rolls, plan_rolls, rolls_alone, update_from_rolls, with_rolls
     from .runs import mark_ended
     from .store import trim_cache
     from .tabulate import tabulate_version

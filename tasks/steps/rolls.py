@@ -15,6 +15,7 @@ from aerodb.identification import (
     RollError,
     Rolls,
     flown_to_stop,
+    ground_rolls,
     leg_parameters,
     recorded_rolls,
     roll_errors,
@@ -346,6 +347,20 @@ def rolls_document(
 
 def _without_value(reasons: Mapping[str, str]) -> list[str]:
     return [f"{name} stays as it is: {reason}." for name, reason in reasons.items()]
+
+
+def with_rolls(
+    error: InputError, version: str, flights: Sequence[str], *, workspace: str, run: str
+) -> InputError:
+    """Return an error of flights (ids) of which nothing tells of the aerodynamics, with what to do
+    where they roll, and the version (its id) has parameters of legs."""
+    access = access_workspace(workspace)
+    if not leg_parameters(access.database(version)):
+        return error
+    if not any(ground_rolls(each.flight) for each in rolled_flights(access, flights, run)):
+        return error
+    remedy = "to learn friction from their rolls alone: aerodb close-loop --on-ground"
+    return InputError(error.what, error.where, "\n".join(filter(None, (error.remedy, remedy))))
 
 
 def rolls_alone(

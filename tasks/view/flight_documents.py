@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any, Final
 
 from aerodb.recording import Damage
+from aerodb.remarks import NEVER_AIRBORNE
 from aerodb.storage.catalogue import FlightRow, ResultRow
 from aerodb.tasks.result_versions import OF_FRICTION, RELEASED
 
@@ -161,12 +162,12 @@ def _rolls(
 
 
 def roll_command(access: "WorkspaceAccess", row: FlightRow) -> str:
-    """Return the closed loop of the rolls of a flight, as a command; empty where it lacks what the
-    legs of the vehicle's version are by, and where there are none."""
+    """Return the closed loop of the rolls of a flight, as a command; empty where it has no roll,
+    lacks what the legs of the vehicle's version are by, and where there are none."""
     versions = access.catalogue.versions(row.vehicle)
     if not versions:
         return ""
-    from aerodb.identification import leg_parameters  # slow to import
+    from aerodb.identification import ground_rolls, leg_parameters  # slow to import
     from aerodb.simulation import flight_model
     from aerodb.storage.files import read_flight
 
@@ -183,7 +184,10 @@ def roll_command(access: "WorkspaceAccess", row: FlightRow) -> str:
     flight = read_flight(access.file_of(stored[-1].path))
     if not all(name in flight for name in flight_model(database).inputs):
         return ""
-    return f"aerodb close-loop --vehicle {row.vehicle}{beside}"
+    if not ground_rolls(flight):
+        return ""
+    flew = NEVER_AIRBORNE not in (remark.kind for remark in row.remarks)
+    return f"aerodb close-loop --vehicle {row.vehicle}{beside}{' --on-ground' if flew else ''}"
 
 
 def _consistency(

@@ -155,6 +155,39 @@ def test_a_roll_without_its_brakes_says_how_it_slows_down(workspace: Path) -> No
     assert f"aerodb flight show {flights['brakes-unknown']}" in found["methods"][0]["reason"]
 
 
+@pytest.mark.parametrize("way", ["no height", "a slope, and the altitude alone", "a bounce"])
+def test_of_a_log_that_is_lacking_what_can_be_said_is_said(workspace: Path, way: str) -> None:
+    """Where height does not tell the roll from flight, the slow part of it is used, and each answer
+    names the command that does. A hop of 1.2 m is left out."""
+    channels = measured(rolled_in_jsbsim(BRAKES, (0.0, 3.0), LEVEL, braking_from=8.0), 8)
+    height, time = channels["height_above_ground"], channels["time"]
+    if way == "a bounce":
+        hop = np.clip(1.0 - ((time - 3.8) / 0.8) ** 2, 0.0, None) * 1.2
+        channels |= {"height_above_ground": height + hop, "altitude": height + hop}
+    else:
+        del channels["height_above_ground"]
+        climbs = np.cumsum(channels["V"]) * (time[1] - time[0])
+        channels["altitude"] = channels["altitude"] + 0.01 * climbs
+    if way == "no height":
+        del channels["altitude"]
+    log = str(write_csv(workspace / f"{way}.csv", channels))
+    given = ("--vehicle", "wheels", "--mapping", "canonical", "--direct")
+    told = aerodb(workspace / "w", "flight", "ingest", log, *given).stdout
+    loop = ("close-loop", "--vehicle", "wheels", "--baseline", "v0001", "--flights", f"{way}.csv")
+    if way != "a bounce":
+        assert "--on-ground" in next(line for line in told.splitlines() if "next" in line)
+        refused = aerodb(workspace / "w", *loop)
+        assert refused.returncode == 3
+        assert "aerodb close-loop --on-ground" in refused.stderr
+    found = asked(workspace / "w", *loop, "--on-ground", "--direct")
+    said = " ".join(found["remarks"])
+    assert {
+        "no height": "altitude is not known",
+        "a bounce": "it leaves the ground for 1.",
+    }.get(way, "the runway climbs by 1.") in said
+    assert any("mu_" in each["parameter"] for each in (*found["findings"], *found["not_found"]))
+
+
 def test_the_console_draws_how_a_roll_slows_down(workspace: Path) -> None:
     """Of brakes from 8 s on: the picture has the phases' speeds at their places, in every unit."""
     (flight,) = ingested(workspace, 3.0, 1, 8.0)
