@@ -24,7 +24,8 @@ _NAMED: Final = 3
 Tolerances = Annotated[
     Path | None,
     typer.Option(
-        help="Tolerances as TOML, or engine-failure: of a take-off; default: 14 CFR 60 appendix A."
+        help="Tolerances as TOML, engine-failure (of a take-off), or normal-landing; default: 14"
+        " CFR 60 appendix A."
     ),
 ]
 Wind = Annotated[str, typer.Option(help="measured: gusts as reconstructed; mean: of each stretch.")]

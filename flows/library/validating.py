@@ -134,8 +134,8 @@ def validate(
     database : or what `update` or `trace` returned, whose candidate flies.
     against : flown beside it; None: its baseline, where a result is given.
     wind, stabilise, trimmed : as the options of the command.
-    tolerances : a file of tolerances (TOML), its text, or ``engine-failure``; None: 14 CFR 60
-        appendix A.
+    tolerances : a file of tolerances (TOML), its text, ``engine-failure`` or
+        ``normal-landing``; None: 14 CFR 60 appendix A.
 
     Raises InputError for flights of several vehicles, and for tolerances that cannot be read.
     Responses are in SI units.

@@ -55,7 +55,10 @@ LONGEST: Final = 20.0
 
 
 #: Tolerances beside the default that come with aerodb: name -> file.
-SHIPPED: Final = {"engine-failure": "engine_failure.toml"}
+SHIPPED: Final = {
+    "engine-failure": "engine_failure.toml",
+    "normal-landing": "normal_landing.toml",
+}
 
 
 def default_tolerances() -> str:

@@ -247,6 +247,17 @@ def test_a_roll_is_within_tolerance_with_its_friction_and_outside_with_another(
     assert within[imported]["bands"][0]["limit"] == pytest.approx(3.0 * 1852.0 / 3600.0)
     assert within[found["label"]]["passed"]
     assert within[found["label"]]["share"] > 0.99
+    landed = (*how[:-1], "normal-landing")
+    flown = asked(workspace / "w", "version", "fly", found["label"], "--flight", second, *landed)
+    checks = flown["stretches"][0]["checks"]
+    assert [each["test"] for each in checks] == ["2.e.1"] * 4
+    limits = {band["channel"]: band["limit"] for each in checks for band in each["bands"]}
+    angle = np.deg2rad(1.5)
+    assert limits == pytest.approx(
+        {"V": 3.0 * 1852.0 / 3600.0, "theta": angle, "alpha": angle, "altitude": 3.048}
+    )
+    assert checks[0]["passed"]
+    assert flown["standard"]["unchecked"][0] == "AC 120-40C"
 
 
 def test_a_log_without_wheels_and_airspeed_is_refused_as_before(workspace: Path) -> None:
