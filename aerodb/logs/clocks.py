@@ -20,7 +20,7 @@ _OF_RUN: Final = r"totl|total|real|missn|sim(ulation)?|sample|loop"
 _BEFORE: Final = f"({_OF_LOG}|{_OF_CLOCK}|{_OF_RUN})"
 _CLOCK: Final = (
     r"(t|time|times|time_?stamps?|zeit|uhrzeit|clock|tempo|tiempo|temps"
-    r"|h?ora|(date|fecha|data)_?(time|hora|ora))"
+    r"|h?ora|(date|fecha|data|datum)[_/]?(time|hora|ora|uhrzeit))"
 )
 #: Names of times, the plainest first; the unit is taken off before (`plain_name`).
 _NAMES: Final = tuple(
@@ -31,7 +31,7 @@ _NAMES: Final = tuple(
         r"(milli|micro|nano)?s(ec(ond)?s?)?|millis|micros|[mun]sec|[mun]s|utc(_?sec)?|elapsed|date"
         r"|fecha|\w+_time_?stamps?",
         r"hh_?mm_?ss|(unix|posix|epoch|stamp|when|datum|zulu|gmt)(_?(s|sec|ms|us|ns))?",
-        r"\w+_(time|clock)|x_value",
+        r"\w+_(time|clock)|x_value|(gps_?|time_?)?i?tow",
     )
 )
 #: Units of a time, in the order of their size [s].

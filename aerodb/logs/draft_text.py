@@ -4,18 +4,15 @@ comments, and what is not mapped."""
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Final
+from typing import Any, Final
 
 import numpy as np
 
 from aerodb.logs.clocks import ClockColumn
+from aerodb.logs.guesses import Guess
 from aerodb.logs.mapping_file import Mapping as LogMapping
 from aerodb.recording import Recording
 from aerodb.support import Array
-
-if TYPE_CHECKING:
-    from aerodb.logs.mapping_draft import Guess
-
 
 _COMMENTS: Final = (
     "# A channel is offset + scale * field in `unit`. Signs: body x forward, y right, z down;",
@@ -89,7 +86,7 @@ def draft_text(
     frame: Frame,
     clocks: Mapping[str, ClockColumn],
     columns: Mapping[tuple[str, str], Array],
-    guesses: Iterable["Guess"],
+    guesses: Iterable[Guess],
     questions: Iterable[str],
 ) -> str:
     """Return the text of a mapping file; columns (n,) in the units of the log."""

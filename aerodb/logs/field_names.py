@@ -251,6 +251,11 @@ _ENDINGS: Final = {
     **{"cm": "cm", "mm": "mm", "cm_s": "cm/s", "km": "km", "degf": "degF", "psi": "psi"},
     **{"kg_m3": "kg/m^3", "slug_ft3": "slug/ft^3", "lbf_ft2": "psf", "grad": "deg"},
 }
+#: Of what minutes are; of another quantity ``_min`` is its minimum.
+_TIMED: Final = re.compile(r"(^|_)(t|time|clock|elapsed|duration|zeit|temps|tiempo|tempo|utc)$")
+#: A path of words without a slash before it, as X-Plane writes (``sim/flightmodel/position/P``);
+#: units have no word of three letters before a slash.
+_PATH: Final = re.compile(r"\w{3,}(/\w{3,})+/[\w\[\]. -]+")
 #: Letters -> their names; a dot above is a derivative.
 _GREEK: Final = {
     **{"α": "alpha", "β": "beta", "δ": "delta_", "θ": "theta", "ϑ": "theta", "Θ": "theta"},
@@ -287,8 +292,9 @@ def plain_name(field: str) -> tuple[str, str]:
     words, unit = _words(field)
     if not unit:
         for end in sorted(_ENDINGS, key=len, reverse=True):
-            if words.endswith(f"_{end}"):
-                return words.removesuffix(f"_{end}"), _ENDINGS[end]
+            before = words.removesuffix(f"_{end}")
+            if before != words and (end != "min" or _TIMED.search(before)):
+                return before, _ENDINGS[end]
     return words, unit
 
 
@@ -308,7 +314,8 @@ def _words(field: str) -> tuple[str, str]:
 def _parts(field: str) -> list[str]:
     """The parts of a path; DatCon writes behind a name whether it is computed."""
     path = re.sub(r"(?<=.):[CD]$", "", field)
-    return [each for each in re.split(r"[.:]" if "/" not in path[:1] else r"[.:/]", path) if each]
+    slashes = "/" in path[:1] or _PATH.fullmatch(path)
+    return [each for each in re.split(r"[.:/]" if slashes else r"[.:]", path) if each]
 
 
 def _lower(name: str) -> str:

@@ -7,38 +7,22 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from aerodb.errors import InputError
 from aerodb.logs.clocks import ClockColumn, clock_columns, counters, seconds_of, standing
 from aerodb.logs.draft_text import Frame, draft_text, frame_of
 from aerodb.logs.field_names import Named, named, plain_name
 from aerodb.logs.field_units import Sized, believable, unit_by_size
+from aerodb.logs.guesses import Guess, in_si
 from aerodb.logs.mapping_file import Mapping as LogMapping
 from aerodb.logs.mapping_file import matching_topics
+from aerodb.logs.signs import HEADED, LEAST_CORRELATION, UPWARD, reversed_signs
 from aerodb.nomenclature import channel, is_surface
 from aerodb.recording import Recording, Topic
 from aerodb.support import Array
 from aerodb.units import conversion, spelled
 
 _RATES: Final = (("phi", "p"), ("theta", "q"), ("psi", "r"))
-_LEAST_CORRELATION: Final = 0.9
-_LEFT: Final = "is it positive to the left?"
-_BANKS: Final = f"it banks against its turns: {_LEFT}"
-_PITCHES: Final = "it pitches against its climbs: is it positive downwards?"
-#: Channel, what follows it, whether by its rate, with which sign, and what to ask of either if it
-#: does not: in turns, climbs, and by the forces of the air. The first of a channel that is there
-#: decides.
-_FOLLOWED: Final = (
-    ("phi", "psi", True, 1.0, _BANKS, f"it turns against its banks: {_LEFT}"),
-    ("phi", "r", False, 1.0, _BANKS, f"it turns against the banks: {_LEFT}"),
-    ("theta", "altitude", True, 1.0, _PITCHES, ""),
-    ("theta", "velocity_down", False, -1.0, _PITCHES, ""),
-    ("alpha", "az_imu", False, -1.0, "lift falls as it grows: is it positive downwards?", ""),
-    ("beta", "ay_imu", False, -1.0, f"the side force grows with it: {_LEFT}", ""),
-)
-#: Time over which they are compared as means [s]: gusts and noise are shorter.
-_STEADY: Final = 2.0
 #: Tables of fewer rows than this share of the longest are not along the flight.
 _LEAST_SHARE: Final = 0.1
 #: Speed of sound at -60 degC, with what instruments are off [m/s].
@@ -55,35 +39,6 @@ _WRITTEN: Final = {"g0": "g", "dimensionless": "1"}
 _COMPONENTS: Final = {"u", "w"}
 #: Letters that stand for rates together; one alone may be a gain, a radius, a pressure.
 _RATE_LETTERS: Final = frozenset("pqr")
-
-
-@dataclass(frozen=True)
-class Guess:
-    """A channel, the field that may be it, and why.
-
-    unit : '' where it stays open. assumed : whether nothing but its size speaks for the unit.
-    open : what else is to be answered, '' for nothing. stated : whether log or name state the unit.
-    how : as in `Named`, or ``built-in``.
-    """
-
-    channel: str
-    topic: str
-    field: str
-    unit: str
-    scale: float
-    reason: str
-    assumed: bool = False
-    open: str = ""
-    stated: bool = False
-    how: str = "built-in"
-
-    @property
-    def confidence(self) -> str:
-        """``sure`` (name and unit are stated), ``likely`` (the values decide the unit), or
-        ``asked``."""
-        if self.assumed or self.open:
-            return "asked"
-        return "sure" if self.stated or self.how == "built-in" else "likely"
 
 
 @dataclass(frozen=True)
@@ -137,7 +92,7 @@ def draft_mapping(
     if not is_known:
         guesses = _by_names(recording, usable)
         guesses = {known: _settled(guess, guesses, usable) for known, guess in guesses.items()}
-        guesses |= dict(_reversed(recording, guesses, clocks, usable))
+        guesses |= dict(reversed_signs(recording, guesses, clocks, usable))
     questions = [_asked(guess) for guess in guesses.values() if guess.confidence == "asked"]
     notes: list[str] = []
     if not is_known:
@@ -201,6 +156,8 @@ def _by_names(recording: Recording, usable: Mapping[tuple[str, str], Array]) -> 
         guess = guess_by_name(recording.topics[topic], field, values)
         if guess is not None and _is_letter_alone(guess, recording.topics[topic]):
             guess = replace(guess, open="is it a turn rate? No other of p, q and r is beside it")
+        if guess is not None and guess.channel == "beta" and _of_xplane(recording.topics[topic]):
+            guess = replace(guess, open=guess.open or HEADED)
         if guess is not None:
             found.setdefault(guess.channel, []).append(guess)
     order = ("exact", "synonym", "part")
@@ -209,19 +166,24 @@ def _by_names(recording: Recording, usable: Mapping[tuple[str, str], Array]) -> 
         best = min(candidates, key=lambda g: order.index(g.how))
         alike = [g for g in candidates if g.how == best.how]
         best = min(alike, key=lambda g: (bool(g.open), not g.stated))
-        values = _in_si(best, usable)
-        others = [g.field for g in alike if g != best and not _same(values, _in_si(g, usable))]
+        values = in_si(best, usable)
+        others = [g.field for g in alike if g != best and not _same(values, in_si(g, usable))]
         if others:
             ask = f"or is it {' or '.join(others[:3])}?"
             best = replace(best, open=f"{best.open} {ask}".strip())
         chosen[known] = best
     upward = chosen.get("az_imu")
     if upward is not None and upward.scale < 0 and not _LOADS.match(upward.field.lower()):
-        for known in ("ay_imu", "q", "r", "beta"):
+        for known in ("ay_imu", "q", "r", "beta", "theta", "psi"):
             if known in chosen and not chosen[known].open:
-                ask = f"{upward.field} points up: does this axis point the other way as well?"
-                chosen[known] = replace(chosen[known], open=ask)
+                ask = f"{upward.field} {UPWARD}"
+                chosen[known] = replace(chosen[known], open=ask, by_axis=True)
     return chosen
+
+
+def _of_xplane(topic: Topic) -> bool:
+    """Whether columns are those of X-Plane: its datarefs, or its Data.txt."""
+    return any(re.match(r"sim/|[hv]path\b|_?[hv]path,", field) for field in topic.fields)
 
 
 def _is_letter_alone(guess: Guess, topic: Topic) -> bool:
@@ -229,11 +191,6 @@ def _is_letter_alone(guess: Guess, topic: Topic) -> bool:
     letter = plain_name(guess.field)[0]
     beside = {plain_name(field)[0] for field in topic.fields} & _RATE_LETTERS
     return letter in _RATE_LETTERS and len(beside) == 1 and guess.confidence == "likely"
-
-
-def _in_si(guess: Guess, columns: Mapping[tuple[str, str], Array]) -> Array:
-    scale, offset = conversion(guess.unit, channel(guess.channel).unit)
-    return scale * guess.scale * columns[guess.topic, guess.field] + offset
 
 
 def _same(values: Array, others: Array) -> bool:
@@ -397,55 +354,6 @@ def _relations(
     return said[:40]
 
 
-def _reversed(
-    recording: Recording,
-    guesses: Mapping[str, Guess],
-    clocks: Mapping[str, ClockColumn],
-    columns: Mapping[tuple[str, str], Array],
-) -> Iterator[tuple[str, Guess]]:
-    """Angles that go against turns, climbs and forces of the flight, with the question about their
-    sign."""
-    compared: set[str] = set()
-    for angle, path, by_rate, sign, *asks in _FOLLOWED:
-        if not {angle, path} <= guesses.keys() or angle in compared:
-            continue
-        together = _together(recording, guesses[angle], guesses[path], by_rate, clocks, columns)
-        if together is None or abs(together) < _LEAST_CORRELATION:
-            continue
-        compared.add(angle)
-        for name, ask in zip((angle, path), asks, strict=True):
-            if sign * together < 0 and ask and not guesses[name].open:
-                yield name, replace(guesses[name], open=ask)
-
-
-def _together(
-    recording: Recording,
-    angle: Guess,
-    path: Guess,
-    by_rate: bool,
-    clocks: Mapping[str, ClockColumn],
-    columns: Mapping[tuple[str, str], Array],
-) -> float | None:
-    """Correlation of an angle with another channel, or with its rate, as means over some time;
-    None where too little is there."""
-    if angle.topic != path.topic or not (angle.unit and path.unit):
-        return None
-    time = seconds_of(recording, angle.topic, clocks)
-    shown, way = _in_si(angle, columns), _in_si(path, columns)
-    if not time.size == shown.size == way.size:
-        return None
-    good = np.isfinite(time) & np.isfinite(shown) & np.isfinite(way)
-    if not good.any():
-        return None
-    width = max(1, round(_STEADY / max(float(np.median(np.diff(time))), 1e-6)))
-    if good.sum() < 10 * width:
-        return None
-    way = np.unwrap(way[good]) if path.channel == "psi" else way[good]
-    rate = uniform_filter1d(np.gradient(way, time[good]) if by_rate else way, width)
-    with np.errstate(all="ignore"):
-        return float(np.corrcoef(uniform_filter1d(shown[good], width), rate)[0, 1])
-
-
 def _ratio(time: Array, angle: Array, rate: Array) -> float | None:
     """Slope of a rate over the derivative of an angle; None where they do not move together."""
     if not (time.size == angle.size == rate.size and time.size > 20) or np.any(np.diff(time) <= 0):
@@ -454,6 +362,6 @@ def _ratio(time: Array, angle: Array, rate: Array) -> float | None:
     good = np.isfinite(slope) & np.isfinite(rate)
     if good.sum() < 20 or np.std(slope[good]) == 0 or np.std(rate[good]) == 0:
         return None
-    if abs(np.corrcoef(slope[good], rate[good])[0, 1]) < _LEAST_CORRELATION:
+    if abs(np.corrcoef(slope[good], rate[good])[0, 1]) < LEAST_CORRELATION:
         return None
     return float(np.dot(slope[good], rate[good]) / np.dot(slope[good], slope[good]))

@@ -69,6 +69,12 @@ OTHERS = [
     "accel_bias_x",
     "alpha_dot",
     "p_dot",
+    "roll_min",
+    "alpha_max",
+    "tas_min [m/s]",
+    "climb_rms",
+    "airspeed_stdev",
+    "sim/cockpit2/controls/pitch_ratio",
 ]
 #: Name -> channel, its unit or '', and whether it is asked.
 PLAIN = {
@@ -112,6 +118,10 @@ PLAIN = {
     "AGL_alt": ("height_above_ground", "", False),
     "p_amb": ("static_pressure", "", False),
     "aircraft_mass": ("mass", "", False),
+    "climb_ft_min": ("velocity_down", "ft/min", False),
+    "sim/flightmodel/position/P": ("p", "", False),
+    "sim/flightmodel/position/theta": ("theta", "", False),
+    "sim/cockpit2/autopilot/pitch": ("theta", "", True),
 }
 
 
