@@ -40,6 +40,7 @@ from aerodb.conditioning.responses import (
 from aerodb.conditioning.segment import STATES, Segment
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, is_command
+from aerodb.physics import GRAVITY
 from aerodb.signals import bridge, runs
 from aerodb.support import HALF, SLIGHT, Array, Mask
 
@@ -174,7 +175,7 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     if ground is not None:
         slow &= ~(median_filter(bridge(ground), window, mode="nearest") > MOST_WIND * high)
     slow &= ~hovering
-    for first, last in runs(slow, stay, stay):
+    for first, last in _slow_runs(slow, speed, stay, window, flight.step):
         on_ground[slice(*_rolling(flight, speed, first, last))] = True
     on_ground &= ~hovering & ~by_rotors
     down = runs(on_ground, 1, stay)
@@ -199,6 +200,23 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
         for a, b in runs(up)
     ]
     return tuple(sorted(parts, key=lambda segment: segment.start))
+
+
+def _slow_runs(
+    slow: Mask, speed: Array, stay: int, edge: int, step: float
+) -> list[tuple[int, int]]:
+    """First and last sample of what is slow for `stay` samples, or for `edge` where the record
+    begins or ends and the speed (n,) [m/s] changes as on wheels: a log may end as the roll does. An
+    airspeed that fails changes at once."""
+    found, n = [], len(speed)
+    for first, last in runs(slow, edge, stay):
+        inside = last if first == 0 else first
+        beside = last + edge if first == 0 else first - edge
+        ends = (first == 0) != (last == n - 1) and 0 <= beside < n
+        rolls = ends and abs(speed[beside] - speed[inside]) < GRAVITY * edge * step
+        if last - first + 1 >= stay or rolls:
+            found.append((first, last))
+    return found
 
 
 def _standing(flight: Flight) -> list[Segment]:

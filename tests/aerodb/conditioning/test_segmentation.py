@@ -311,3 +311,19 @@ def test_rotors_that_turn_carry_a_hover() -> None:
     assert {s.kind for s in ground_and_air(replace(plain, channels={**still, **idle}))} == {
         "on_ground"
     }
+
+
+@pytest.mark.parametrize("ends", [11.0, 8.0, 1.0])
+def test_a_roll_whose_log_ends_before_it_was_slow_for_long_is_ground(ends: float) -> None:
+    """From 60 m/s with 5 m/s2, cut at a speed: it is slower than 30 % of it for less than 5 s. An
+    airspeed that fails for as long at the end of a level flight is no roll."""
+    time = np.arange(0.0, (60.0 - ends) / 5.0, STEP)
+    noise = np.random.default_rng(4).normal(0.0, 0.3, len(time))
+    flat = np.full(len(time), 0.5)
+    for speed, kind in (
+        (60.0 - 5.0 * time, "on_ground"),
+        (np.where(60.0 - 5.0 * time < 18.0, 0.0, 60.0), "airborne"),
+    ):
+        channels = {"V": speed + noise, "altitude": flat, "height_above_ground": flat}
+        found = ground_and_air(Flight("f", "v", time, channels))
+        assert {each.kind for each in found} == {kind}
