@@ -19,6 +19,7 @@ from aerodb.exchange.aero_codes.points import about_body_axes, database_of_point
 from aerodb.exchange.aero_codes.sweep_tables import read_table
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, Expression, Name, Negation, Variable, parse
+from aerodb.units import conversion
 
 #: Normalised name of a column -> what it can only mean.
 _CERTAIN: Final = {
@@ -44,7 +45,8 @@ _LIKELY: Final = {
     "cz": ("CZ", "-CZ"),
     "cfz": ("-CZ", "CZ"),
     "cn": ("Cn", "-Cn", "-CZ"),
-    "ca": ("-CX",),
+    "ca": ("-CX", "C_lift"),
+    "cw": ("C_drag",),
     "cll": ("Cl", "-Cl"),
     "croll": ("Cl", "-Cl"),
     "cmroll": ("Cl", "-Cl"),
@@ -54,6 +56,11 @@ _LIKELY: Final = {
     "cyaw": ("Cn", "-Cn"),
     "cmyaw": ("Cn", "-Cn"),
     "cln": ("Cn", "-Cn"),
+}
+#: Unit in the header of a coefficient -> its size: a count of drag is 1e-4.
+_SHARES: Final = {
+    **dict.fromkeys(("count", "counts", "cts", "dc", "drag counts"), 1e-4),
+    **dict.fromkeys(("%", "percent"), 1e-2),
 }
 _ROLES: Final = (
     "alpha",
@@ -140,7 +147,8 @@ def _meanings(
                 raise InputError(
                     f"two columns are {plain.name}", answers.where, f"--bind {own}=skip"
                 )
-            found[plain.name], of[plain.name] = sign * values, column
+            scale = sign if plain.name in _CONDITIONS else sign * _scale(answers, column, units)
+            found[plain.name], of[plain.name] = scale * values, column
         elif role.names:
             controls[f"{own}_column"] = column, Variable(role, "", f"column {column}")
         else:
@@ -151,6 +159,30 @@ def _meanings(
     factor = _radians(answers, largest, written) if angles else 1.0
     found |= {n: found[n] * factor for n in angles}
     return found, controls
+
+
+def _scale(answers: Answers, column: str, units: Mapping[str, str]) -> float:
+    """Factor from the unit in the header of a coefficient to 1. Raises InputError for a force or a
+    moment."""
+    unit = units.get(column, "").lower()
+    if any(_is_of(units.get(column, ""), dimension) for dimension in ("N", "N*m")):
+        raise InputError(
+            f"column {column} is in {unit}, a force or a moment",
+            answers.where,
+            "give coefficients: over dynamic pressure, area and length",
+        )
+    scale = _SHARES.get(unit, 1.0)
+    if scale != 1.0:
+        answers.notes.append(f"{column} is in {unit}: times {scale:g}")
+    return scale
+
+
+def _is_of(unit: str, dimension: str) -> bool:
+    try:
+        conversion(unit, dimension)
+    except InputError:
+        return False
+    return bool(unit)
 
 
 def _certain(column: str, found: Mapping[str, Array], answers: Answers) -> Expression | None:

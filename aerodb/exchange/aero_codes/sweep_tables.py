@@ -28,6 +28,8 @@ _LENGTHS: Final = {
 #: Endings of names that say only that it is a table or a list of breakpoints.
 _ENDING: Final = re.compile(r"_?(bp|breakpoints|table|tab|lut|data|vec|grid)$", re.IGNORECASE)
 _BRACKETS: Final = re.compile(r"\s*[\[(]([^\])]*)[\])]\s*$")
+#: A number with a decimal comma, between other delimiters.
+_COMMA: Final = re.compile(r"[-+\u2212]?\d*,\d+([eE][-+]?\d+)?")
 #: Most points of a sweep.
 _MOST: Final = 200_000
 
@@ -81,16 +83,19 @@ def _text(where: str, data: bytes) -> RawTable:
 
 
 def _separator(text: str) -> str:
+    parts = text.split()
+    if len(parts) > 1 and all(_is_number(p) or _COMMA.fullmatch(p) for p in parts):
+        return "\t" if "\t" in text else " "
     return next((mark for mark in (";", ",", "\t") if mark in text), " ")
 
 
 def _cells(text: str, separator: str) -> list[str]:
-    if separator == " ":
-        return text.split() or [""]
-    cells = [cell.strip().strip('"').strip() for cell in text.split(separator)]
+    blanks = separator == " "
+    cells = [cell.strip().strip('"').strip() for cell in text.split(None if blanks else separator)]
+    cells = cells or [""]
     while len(cells) > 1 and not cells[-1]:
         cells.pop()
-    return cells
+    return [cell.replace(",", ".") if _COMMA.fullmatch(cell) else cell for cell in cells]
 
 
 def _is_number(text: str) -> bool:

@@ -9,7 +9,7 @@ from scipy.io import savemat
 
 from aerodb.errors import InputError, OpenQuestionsError
 from aerodb.exchange import KnownVehicle, import_code
-from aerodb.tables import AeroDatabase, ReferenceGeometry, lacking_effects
+from aerodb.tables import AeroDatabase, ReferenceGeometry, curves, lacking_effects
 from tests.aerodb.exchange.test_avl import predicted
 from tests.support import vortex_lattice as lattice
 from tests.support.code_files import wind
@@ -249,3 +249,42 @@ def test_an_answer_that_is_none_says_so() -> None:
         imported("s.csv", text("cfd"), **{**CFD, "cmx": "Cm"}, reference="vehicle")
     with pytest.raises(InputError, match="is none of wind, stability"):
         imported("s.csv", text("cfd"), **{**CFD, "force_axes": "body"}, reference="vehicle")
+
+
+DRAG = [0.02 + 1e-3 * a * a for a in range(-4, 13, 2)]
+
+
+@pytest.mark.parametrize(("unit", "size"), [("counts", 1e4), ("%", 100.0), ("total", 1.0)])
+def test_drag_in_counts_is_a_share(unit: str, size: float) -> None:
+    """A count of drag is 1e-4; other words in brackets are no unit."""
+    lines = [
+        f"{a},{0.1 * a + 0.3},{d * size:.9g}" for a, d in zip(range(-4, 13, 2), DRAG, strict=True)
+    ]
+    data = f"alpha [deg],CL,CD ({unit})\n" + "\n".join(lines)
+    database = imported("a.csv", data.encode(), reference="vehicle")
+    found = curves(database, np.deg2rad(np.arange(-4.0, 13.0, 2.0)))["C_drag"]
+    np.testing.assert_allclose(found, DRAG, rtol=1e-9)
+
+
+def test_forces_are_no_coefficients() -> None:
+    data = b"alpha [deg],CL [N],CD\n0,30,0.02\n4,50,0.03\n8,60,0.04\n"
+    with pytest.raises(InputError, match="CL is in n, a force or a moment"):
+        imported("a.csv", data, reference="vehicle")
+
+
+@pytest.mark.parametrize("separator", [";", "\t", " "])
+def test_decimal_commas_of_a_sweep(separator: str) -> None:
+    plain = (
+        text("stability", separator)
+        .replace(b"alpha [deg]", b"alpha")
+        .replace(b"beta [deg]", b"beta")
+    )
+    answers = {
+        "reference": "vehicle", "force_axes": "stability", "moment_axes": "body", "cy": "CY",
+        "cll": "Cl", "cn": "Cn", "angle_unit": "deg",
+    }  # fmt: skip
+    with_commas = imported("a.csv", plain.replace(b".", b","), **answers)
+    with_points = imported("a.csv", plain, **answers)
+    assert with_commas.tables.keys() == with_points.tables.keys()
+    for name, table in with_points.tables.items():
+        np.testing.assert_array_equal(with_commas.tables[name].values, table.values)
