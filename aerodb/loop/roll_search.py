@@ -202,14 +202,16 @@ class _Search:
         held = {n: fit[n].value for n in self.taken if n != name}
         asked = (name, *sorted(held.items()))
         if asked not in self.votes:
-            self.votes[asked] = self._voted(name, held)
+            self.votes[asked] = self._voted(name, held, fit)
         return self.votes[asked]
 
-    def _voted(self, name: str, held: Mapping[str, float]) -> tuple[Vote, ...]:
+    def _voted(self, name: str, held: Mapping[str, float], fit: Fit) -> tuple[Vote, ...]:
+        # From what all rolls found: beside a database that is far off, a search may not end.
+        start = {e.name: e.value for e in fit.estimates if np.isfinite(e.value)}
         votes = []
         for flight in dict.fromkeys(self.rolls.flights[r.name] for r in self.rolls.records):
             alone = self.rolls.of([flight])
-            own = roll_fit(self.function, alone, (name,), self.database, self.start, held)
+            own = roll_fit(self.function, alone, (name,), self.database, start, held)
             each = own[name]
             if own.converged and each.standard_error > 0.0:
                 change = each.value - self.database.parameters[name]

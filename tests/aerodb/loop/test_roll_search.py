@@ -15,6 +15,7 @@ from aerodb.identification import RolledFlight, leg_parameters, recorded_rolls
 from aerodb.loop import Accept, RollSearch, search_rolls, with_air_drag
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import parse_vehicle
+from tests.campaigns.rolls import conditions, standing
 from tests.support.three_wheels import (
     MASSES,
     SIDE,
@@ -69,6 +70,26 @@ def test_brakes_that_are_wrong_are_found_and_nothing_else() -> None:
     assert low < 0.1917 - 0.22 < high < 0.0
     assert own.value == pytest.approx(0.1917 - 0.22, abs=0.02 * 0.1917)
     assert {each.parameter for each in found.not_found} == {"mu_roll", "mu_side"}
+
+
+@pytest.mark.heavy
+def test_each_flight_votes_although_the_database_is_far_off() -> None:
+    """Brakes of 80 %: from the wind that such a database finds, the search over one of these rolls
+    does not end, and what two flights show was that of one."""
+    pytest.importorskip("jsbsim")
+    off = read_native(RIGHT.replace("mu_brake = { value = 0.22", "mu_brake = { value = 0.176"))
+    assert off.parameters["mu_brake"] == 0.176
+    flights = []
+    for seed, drawn in enumerate(conditions(1009), 2018):
+        channels = measured(standing(rolled_in_jsbsim(0.22, height=LEVEL, **drawn)), seed)
+        held = {name: values for name, values in channels.items() if name != "time"}
+        flight = Flight(f"roll-{seed}", "wheels", channels["time"] - channels["time"][0], held)
+        flights.append(RolledFlight(flight, WHEELS, flight.id))
+    wide = with_air_drag(off)
+    rolls = recorded_rolls(flights, wide)
+    found = search_rolls(output_error, rolls, leg_parameters(off), wide, Accept())
+    assert found.taken == ("mu_brake",)
+    assert len(found.findings[0].votes) == 2
 
 
 def test_one_roll_only_raises_a_suspicion() -> None:
