@@ -9,6 +9,10 @@ from scipy.fft import next_fast_len, rfft
 
 from aerodb.support import Array
 
+#: Share of a combination that does not vary from which on a regressor takes part in it.
+_TIED = 1e-6
+#: Variance inflation of such a regressor: the largest that is told from none.
+_LARGEST = 1.0 / np.finfo(float).eps
 #: Matrix products of at most so many multiplications run on one BLAS thread.
 _SINGLE_THREAD = 200_000
 
@@ -225,11 +229,15 @@ def samples_per_independent(residual: Array) -> float:
 
 def _variance_inflation(regressors: Array) -> Array:
     """Variance inflation factors (k,) due to the other regressors and the constant; 1 for a
-    constant."""
+    constant, `_LARGEST` for those of which a combination does not vary."""
     spread = regressors.std(axis=0)
     varying = spread > 1e-12 * np.abs(regressors).max(axis=0)
     vif = np.ones(regressors.shape[1])
     if varying.sum() > 1:
         standard = (regressors[:, varying] - regressors[:, varying].mean(axis=0)) / spread[varying]
-        vif[varying] = np.diag(np.linalg.pinv(standard.T @ standard / len(standard)))
+        values, vectors = np.linalg.eigh(standard.T @ standard / len(standard))
+        told = values > len(values) * np.finfo(float).eps * values[-1]
+        shares = vectors**2
+        tied = (shares[:, ~told] > _TIED).any(axis=1)
+        vif[varying] = np.where(tied, _LARGEST, shares[:, told] @ (1.0 / values[told]))
     return vif

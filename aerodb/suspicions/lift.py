@@ -5,15 +5,18 @@ aircraft's log, gives a lift coefficient or a slope that no wing has.
 """
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerodb.conditioning import BAND, Suspicion
 from aerodb.errors import InputError
 from aerodb.estimation import least_squares
 from aerodb.flight import Flight
+from aerodb.nomenclature import is_surface
 from aerodb.signals import low_passed
 from aerodb.support import half_interval
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LIFTS, SWING, WELL_EXPLAINED
 from aerodb.suspicions.in_flight import flying, known_masses
+from aerodb.suspicions.surfaces import role_of
 from aerodb.vehicle import Vehicle
 
 #: Least lift coefficient, as a median over a flight: less is a zero-g arc.
@@ -70,6 +73,7 @@ def _slope(flight: Flight, vehicle: Vehicle, name: str, mass: np.ndarray) -> tup
     where &= np.isfinite(mass) & (np.abs(flight["alpha"]) < STALL)
     if "mach" in flight:
         where &= ~(flight["mach"] > FASTEST)
+    where &= _one_configuration(flight, where)
     if int(where.sum()) < FEWEST:
         return ()
     band = min(BAND[1], 0.4 / flight.step)
@@ -97,6 +101,16 @@ def _slope(flight: Flight, vehicle: Vehicle, name: str, mass: np.ndarray) -> tup
         " scale of alpha is wrong, or the log is another aircraft's"
     )
     return (Suspicion("mass", "size", words, {"slope": slope, "expected": expected}),)
+
+
+def _one_configuration(flight: Flight, where: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Samples with flaps, brakes and gear where they are most of the time: as they lift, alpha goes
+    back, and the slope of all lift over it is none."""
+    same = np.ones_like(where)
+    for name in flight.channels:
+        if is_surface(name) and not role_of(name) and where.any():
+            same &= np.abs(flight[name] - np.nanmedian(flight[name][where])) < SWING
+    return same
 
 
 def helmbold(aspect_ratio: float) -> float:

@@ -28,7 +28,7 @@ from aerodb.nomenclature import is_surface
 from aerodb.signals import low_passed
 from aerodb.support import CLAIM, TWO_SIDED, Array, half_interval, standard_errors
 from aerodb.suspicions.derivatives import whole_surface
-from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER, SCATTER
+from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER, SCATTER, SWING
 from aerodb.suspicions.in_flight import flying, known_masses
 from aerodb.suspicions.lift import STALL
 from aerodb.suspicions.surfaces import role_of
@@ -170,12 +170,18 @@ def _clearest(flight: Flight, vehicle: Vehicle) -> tuple[_Stretch, _Jump] | None
 
 def _channel_jumps(flight: Flight, stretch: _Stretch, jump: _Jump) -> bool:
     """Whether the channel of a surface or of a flow angle jumps there as it does nowhere else: then
-    the channel changed, and the lift that it seems to have lost is no mass."""
+    the channel changed, and the lift that it seems to have lost is no mass. Nor is what flaps or
+    gear lift on their way, which is in no proportion to it."""
     first, last = max(jump.at - 2, 0), jump.at + 2
+    near = round(2.0 * SHARP / flight.step)
+    under_way = slice(max(jump.at - near, 0), jump.at + near + 1)
     for name in flight.channels:
         if not is_surface(name) and name not in ("alpha", "beta"):
             continue
-        steps = np.abs(np.diff(flight[name][stretch.samples]))
+        values = flight[name][stretch.samples]
+        if is_surface(name) and not role_of(name) and np.ptp(values[under_way]) > SWING:
+            return True
+        steps = np.abs(np.diff(values))
         here = steps[first:last]
         others = np.concatenate([steps[:first], steps[last:]])
         if here.size and others.size and here.max() > max(2.0 * float(others.max()), SLIPPED):
