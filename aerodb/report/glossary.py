@@ -2,7 +2,7 @@
 these.
 
 Documents keep identifiers (docs/reference/conventions.md, "Names and identities"); people read
-``slope of CZ with angle of attack`` where a document says ``alpha_slope@CZ``.
+``slope of CZ with alpha`` where a document says ``alpha_slope@CZ``.
 """
 
 import math
@@ -18,7 +18,7 @@ from aerodb.units import UnitSystem
 #: Effect -> its name; {axis} and {subject} are those of the hypothesis.
 EFFECTS: Final[Mapping[str, str]] = {
     "zero_offset": "constant part of {axis}",
-    "alpha_slope": "slope of {axis} with angle of attack",
+    "alpha_slope": "slope of {axis} with alpha",
     "alpha_slope_break": "change of the slope of {axis} with angle of attack above {subject}",
     "lift_scale": "size of the whole {axis} curve over angle of attack",
     "beta_slope": "slope of {axis} with sideslip",
