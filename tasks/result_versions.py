@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 25,
     "update": 35,
     "gram": 22,
-    "close_loop": 72,
+    "close_loop": 73,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

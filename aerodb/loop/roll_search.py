@@ -2,10 +2,10 @@
 
 Each parameter is freed by itself beside the wind and the start of each roll. The one that explains
 most enters, and the others are tested beside it, until none is left that differs from the database
-at the rate of a difference (`DIFFERENCE`), corrected for all that are tested. Few rolls have few
-degrees of freedom to show a model that is off by a little; at 5 % such a one was suspected. What
-explains the rolls as well is named with it, the drag of the air among them: it is a constant of CX
-that slows a roll.
+at the rate of a difference (`DIFFERENCE`), corrected for all that are tested. It is confirmed, and
+added, at the rate of a claim (`CLAIM`). Few rolls have few degrees of freedom to show a model that
+is off by a little; at 5 % such a one was suspected. What explains the rolls as well is named with
+it, the drag of the air among them: it is a constant of CX that slows a roll.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +18,7 @@ import numpy as np
 from aerodb.estimation import Fit
 from aerodb.identification import Rolls, bounded_roll_fit, roll_fit
 from aerodb.loop.accept import Accept
-from aerodb.support import DIFFERENCE, HINT, likelihood_gain, standard_errors
+from aerodb.support import CLAIM, DIFFERENCE, HINT, likelihood_gain, standard_errors
 from aerodb.tables import AeroDatabase, Parameter, Term, Variable, parse
 from aerodb.tracing import Finding, NotFound, Verdict, Vote
 
@@ -244,6 +244,9 @@ class _Search:
         elif len(sized.votes) < 2:
             verdict = "suspected"
             reasons.append("only one flight shows it")
+        elif adjusted > CLAIM:
+            verdict = "suspected"
+            reasons.append(f"chance alone makes it once in {1.0 / adjusted:.0f} such searches")
         return Finding(
             hypothesis=_id(name),
             effect=_EFFECT if name != AIR_DRAG else "zero_offset",

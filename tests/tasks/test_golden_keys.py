@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (5, "3ea1b15d30be922c", "9ddddc1b635ef5d7"),
     "compare": (20, "7071cd8890a99643", "75ab953bf9aaf46f"),
     "gram": (22, "64bf5e9ba0af7a32", "a41b3127f3bfd9d7"),
-    "close_loop": (72, "fd90c10e4ceb9090", "b7cd226038e57476"),
+    "close_loop": (73, "5ce665354e531c10", "b7cd226038e57476"),
     "fly": (7, "3f869b9f97aaa17d", "c1e07fb83cde1a03"),
     "import": (3, "2c4d0454b27962f7", "15d078bd64552f53"),
     "estimate": (25, "39ac1cf156f6a294", "be09817f5df27dda"),
