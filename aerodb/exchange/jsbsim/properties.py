@@ -196,6 +196,10 @@ def height_of_reference_point(x: float, y: float, z: float) -> str:
     return f"(height_above_ground - ({below_cg}))/b_ref"
 
 
+#: Where the properties of the aircraft are in the whole tree.
+_OWN_ROOT: Final = "/fdm/jsbsim/"
+
+
 def own_property(name: str) -> str:
     """Return a property from the root of the aircraft's own part of the tree, which is
     ``/fdm/jsbsim`` of the whole, in JSBSim alone and in FlightGear (FGFDMExec).
@@ -204,9 +208,6 @@ def own_property(name: str) -> str:
     ('fcs/flap-pos-deg', '-fcs/flap-pos-deg')
     """
     return name.replace(_OWN_ROOT, "", 1) if name.lstrip("-").startswith(_OWN_ROOT) else name
-
-
-_OWN_ROOT: Final = "/fdm/jsbsim/"
 
 
 def property_description(name: str, note: str = "") -> str:

@@ -107,14 +107,14 @@ def _components(roots: Iterable[Any], *tags: str) -> Iterator[Any]:
 
 def _outputs(element: Any) -> set[str]:
     """Properties that a component sets: its own, and those that it names."""
-    own = own_property(_own_property(element.get("name", "").strip()))
+    own = own_property(_of_component(element.get("name", "").strip()))
     return {own, *(_text(each) for each in element.findall("output"))}
 
 
-def _own_property(name: str) -> str:
+def _of_component(name: str) -> str:
     """The property of a component's own output (JSBSim, FGFCSComponent).
 
-    >>> _own_property("Flap Normalization"), _own_property("fcs/aileron-deg")
+    >>> _of_component("Flap Normalization"), _of_component("fcs/aileron-deg")
     ('fcs/flap-normalization', 'fcs/aileron-deg')
     """
     return name if "/" in name else f"fcs/{'-'.join(name.lower().split())}"

@@ -85,3 +85,13 @@ def test_what_flaps_and_a_gust_change_is_no_mass() -> None:
         shown = logged(true)
         shown["az_imu"] = shown["az_imu"] * (1.0 + share)
         assert not mass_event_suspicions(flight_of(shown), parse_vehicle(vehicle_text(true)))
+
+
+def test_what_jumps_while_flaps_are_on_their_way_is_no_mass() -> None:
+    """A load that drops as the flaps go out over four seconds looks like a lift out of proportion."""
+    true = flown(60.0, DROP, 0, 0.0, pilot)
+    vehicle, shown = parse_vehicle(vehicle_text(true)), logged(true)
+    for begin, told in ((FIRST - 20.0, True), (FIRST - 2.0, False)):
+        flap = 0.3 * np.clip((true["time"] - begin) / 4.0, 0.0, 1.0)
+        found = mass_event_suspicions(flight_of({**shown, "delta_flap": flap}), vehicle)
+        assert bool(found) == told
