@@ -12,6 +12,7 @@ NetCDF (arrays)    import_netcdf    export_netcdf   yes, checked on import
 Codes (aero_codes) import_code      export_sitl,    none
                                     export_gazebo
 Motors of Gazebo   read_motors      export_motors   none
+JSBSim propellers  read_propellers  export_propellers none
 
 Every reader takes the content of a file and returns an `aerodb.tables.AeroDatabase`; every writer
 takes an AeroDatabase and returns the content of a file. No function here opens a file.
@@ -35,18 +36,23 @@ if TYPE_CHECKING:
     from .aero_codes import (
         KnownVehicle,
         MotorModel,
+        PropellerModel,
         code_of,
         differences,
         export_gazebo,
         export_motors,
+        export_propellers,
         export_sitl,
         has_rotors,
         import_code,
         motor_database,
         project_gazebo,
         project_motors,
+        project_propellers,
         project_sitl,
+        propeller_database,
         read_motors,
+        read_propellers,
     )
     from .arrays import (
         CSV_HEAD,

@@ -217,7 +217,8 @@ def export(
     format: Annotated[
         str,
         typer.Option(
-            help="daveml, jsbsim, gazebo, sitl, csv (one table; FILE.zip: many), mat or netcdf."
+            help="daveml, jsbsim, propeller (of JSBSim, for rotors), gazebo, sitl, csv (one table;"
+            " FILE.zip: many), mat or netcdf."
         ),
     ],
     output: Annotated[

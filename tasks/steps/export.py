@@ -20,6 +20,7 @@ from aerodb.exchange import (
     export_mat,
     export_motors,
     export_netcdf,
+    export_propellers,
     export_sitl,
     from_document,
     has_rotors,
@@ -36,8 +37,11 @@ from aerodb.exchange import (
     over_dynamic_pressure,
     project_gazebo,
     project_motors,
+    project_propellers,
     project_sitl,
+    propeller_database,
     read_motors,
+    read_propellers,
     settled_states,
     states_for_jsbsim,
     without_states,
@@ -103,6 +107,10 @@ def _in_jsbsim(
     return "and pass inside JSBSim"
 
 
+def _no_rotors(*_given: object) -> bytes:
+    raise InputError("a version without rotors", "--format propeller", "--format jsbsim")
+
+
 def _model_of(data: bytes, name: str) -> AeroDatabase:
     return import_code([(name, data)], name)
 
@@ -144,6 +152,7 @@ FORMS: Final[dict[str, Form]] = {
         lambda database, _name, cases, _mass: export_netcdf(database, cases),
         import_netcdf,
     ),
+    "propeller": Form(make_check_cases, _no_rotors, _model_of),
     "sitl": Form(
         make_check_cases,
         lambda database, _name, _cases, _mass: export_sitl(database),
@@ -153,6 +162,33 @@ FORMS: Final[dict[str, Form]] = {
     ),
 }
 
+
+def _as_motors(
+    database: AeroDatabase, name: str, *given: Any
+) -> tuple[dict[str, float], tuple[str, ...], Form, AeroDatabase]:
+    made = project_motors(database, *given)
+    form = Form(
+        make_check_cases,
+        lambda _database, name, _cases, _mass: export_motors(made.motors, name, made.notes),
+        read_motors,
+    )
+    return dict(made.largest), made.notes, form, motor_database(made.motors, name)
+
+
+def _as_propellers(
+    database: AeroDatabase, name: str, *given: Any
+) -> tuple[dict[str, float], tuple[str, ...], Form, AeroDatabase]:
+    made = project_propellers(database, *given)
+    form = Form(
+        make_check_cases,
+        lambda _database, name, _cases, _mass: export_propellers(made.propellers, name, made.notes),
+        read_propellers,
+    )
+    return dict(made.largest), made.notes, form, propeller_database(made.propellers, name)
+
+
+#: Formats that hold the rotors of a database: the differences, notes, form and database of them.
+_ROTOR_FORMS: Final = {"gazebo": _as_motors, "propeller": _as_propellers}
 
 #: Formats of more than one file, by name and suffix: the archive of CSV files.
 _ARCHIVES: Final = {("csv", ".zip"): export_csv}
@@ -167,8 +203,9 @@ def export_version(
     into: Path | None = None,
 ) -> dict[str, Any]:
     """Write a version to `output`; document: version, label, format, file, bytes, check_cases,
-    checked, differences (axis -> largest), notes (sentences on Gazebo's motors, and on states that
-    the format lacks), and for JSBSim mass (kg, cg, inertia, source; None if not known) and into.
+    checked, differences (axis -> largest), notes (sentences on rotors in the format, and on states
+    that the format lacks), and for JSBSim mass (kg, cg, inertia, source; None if not known) and
+    into.
 
     into : a JSBSim aircraft file whose aerodynamics are replaced in what is written; `output` None:
     beside it, with the version's label in its name. `into` in the document: the file, lost (what
@@ -193,18 +230,12 @@ def export_version(
     held: dict[str, float] = {}
     notes: tuple[str, ...] = ()
     name = f"{version.vehicle}-{version.label}"
-    if format == "gazebo" and has_rotors(database):
+    if format in _ROTOR_FORMS and has_rotors(database):
+        rotors = _ROTOR_FORMS[format]
         described = parse_vehicle(catalogue.vehicle(version.vehicle).text, version.vehicle)
         lags = {rotor: logged.lag for rotor, logged in described.rotors.items() if logged.lag}
         flown = _flown(workspace, catalogue, version.vehicle, database)
-        motors = project_motors(database, flown, lags.get)
-        held, notes = dict(motors.largest), motors.notes
-        form = Form(
-            make_check_cases,
-            lambda _database, name, _cases, _mass: export_motors(motors.motors, name, notes),
-            read_motors,
-        )
-        database = motor_database(motors.motors, name)
+        held, notes, form, database = rotors(database, name, flown, lags.get)
     elif form.project is not None:
         described = parse_vehicle(catalogue.vehicle(version.vehicle).text, version.vehicle)
         model = form.project(database, described)

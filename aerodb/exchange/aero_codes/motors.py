@@ -5,7 +5,7 @@ import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import reduce
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 
@@ -17,8 +17,11 @@ from aerodb.nomenclature import AXES, is_command
 from aerodb.support import Array
 from aerodb.tables import LOAD_AXES, AeroDatabase, Expression, Term, neutral_point
 
+if TYPE_CHECKING:
+    from aerodb.parts import Rotor
+
 #: Standard density at sea level [kg/m^3], where no flight tells another.
-_SEA_LEVEL: Final = 1.225
+SEA_LEVEL: Final = 1.225
 #: Flow [m/s] and shares of the commands' range over which a version without flights is compared.
 _FLOWS: Final = (0.0, 5.0, 10.0)
 _SHARES: Final = (0.5, 0.75, 1.0)
@@ -44,6 +47,91 @@ def has_rotors(database: AeroDatabase) -> bool:
     return any(part.get("kind") == "rotor" for part in database.parts.values())
 
 
+@dataclass(frozen=True)
+class Rotors:
+    """The rotors of a database, in the order of their commands, and where a form of them is made
+    and compared.
+
+    entries : name -> part. over, channels, rho : of what differences are, channels (n,) [SI] and
+    density [kg/m^3]. point : command -> its middle. ends : the two ends of all commands.
+    """
+
+    database: AeroDatabase
+    entries: Mapping[str, "Rotor"]
+    over: str
+    channels: Mapping[str, Array]
+    rho: float
+    point: Mapping[str, float]
+    ends: tuple[Mapping[str, float], Mapping[str, float]]
+
+    def command(self, name: str) -> str:
+        """The one command that a rotor's speed is of; empty where there is none, or several."""
+        return _command(self.database, name)
+
+    def axis(self, name: str) -> Array:
+        """Direction (3,) of the thrust of a rotor."""
+        axis = np.array(self.entries[name].axis)
+        return np.asarray(axis / np.linalg.norm(axis))
+
+    def about_itself(self, name: str, state: Mapping[str, Array]) -> tuple[Array, Array]:
+        """Force and moment (3, n) of a rotor about its own place, in channels (n,)."""
+        database = self.database
+        arm = np.array(self.entries[name].position) - database.reference.moment_reference
+        terms = [each for each in database.terms if each.part and each.description == name]
+        loads = loads_of(database, terms, state)
+        return loads[:3], loads[3:] - np.cross(arm, loads[:3], axisb=0, axisc=0)
+
+    def fastest(self, name: str) -> float:
+        """Largest speed [rev/s] at the ends of the commands."""
+        ends = [still(self, end) for end in self.ends]
+        return max(float(np.abs(speeds_of(self.database, [name], x)[name][0])) for x in ends)
+
+
+def rotors_in(
+    database: AeroDatabase, flown: tuple[str, Mapping[str, Array]] | None, form: str
+) -> Rotors:
+    """Return the rotors of a database. flown : a flight's name and its channels, each (n,) [SI];
+    a grid of flow without. form : what cannot hold a tilting rotor, which InputError says."""
+    from aerodb.parts import command_ranges, rotors_of
+
+    database = with_increments_as_terms(over_dynamic_pressure(database))
+    ranges = command_ranges(database)
+    over, channels = flown or _grid(ranges)
+    entries = rotors_of(database.parts)
+    for name, entry in entries.items():
+        if entry.tilt is not None:
+            raise InputError(
+                f"a tilting rotor, which {form} cannot hold",
+                f"part {name}",
+                "its axis is fixed there; export the version as jsbsim or daveml",
+            )
+    order = sorted(entries, key=lambda each: _natural(_command(database, each) or each))
+    return Rotors(
+        database,
+        {name: entries[name] for name in order},
+        over,
+        channels,
+        float(np.median(channels["rho"])) if "rho" in channels else SEA_LEVEL,
+        {
+            name: float(np.median(channels[name])) if flown else 0.5 * (low + high)
+            for name, (low, high) in ranges.items()
+        },
+        ({n: low for n, (low, _) in ranges.items()}, {n: high for n, (_, high) in ranges.items()}),
+    )
+
+
+def still(
+    rotors: Rotors, commands: Mapping[str, float], flow: Array | None = None
+) -> dict[str, Array]:
+    """Return channels (n,) in flows (3, n) [m/s], still air without, without rotation."""
+    u, v, w = np.zeros((3, 1)) if flow is None else flow
+    point = {n: np.full(len(u), x) for n, x in neutral_point(rotors.database).items()}
+    point |= {n: np.zeros(len(u)) for n in _STILL}
+    point |= {"rho": np.full(len(u), rotors.rho)} | _flow(u, v, w)
+    point["qbar"] = 0.5 * rotors.rho * point["V"] ** 2
+    return point | {name: np.full(len(u), value) for name, value in commands.items()}
+
+
 def project_motors(
     database: AeroDatabase,
     flown: tuple[str, Mapping[str, Array]] | None = None,
@@ -57,48 +145,23 @@ def project_motors(
 
     Raises InputError for a rotor that tilts, has no thrust in still air or stands there.
     """
-    from aerodb.parts import command_ranges, rotors_of
-
-    database = with_increments_as_terms(over_dynamic_pressure(database))
-    ranges = command_ranges(database)
-    over, channels = flown or _grid(ranges)
-    rho = float(np.median(channels["rho"])) if "rho" in channels else _SEA_LEVEL
-    point = {
-        name: float(np.median(channels[name])) if flown else 0.5 * (low + high)
-        for name, (low, high) in ranges.items()
-    }
+    rotors = rotors_in(database, flown, "Gazebo's motor model")
     motors = []
-    rotors = rotors_of(database.parts)
-    for name in sorted(rotors, key=lambda each: _natural(_command(database, each) or each)):
-        entry, command = rotors[name], _command(database, name)
-        place = f"part {name}"
-        if entry.tilt is not None:
-            raise InputError(
-                "a tilting rotor, which Gazebo's motor model cannot hold",
-                place,
-                "its axis is fixed in its link; export the version as jsbsim or daveml",
-            )
-        axis = np.array(entry.axis) / np.linalg.norm(entry.axis)
+    for name, entry in rotors.entries.items():
+        axis = rotors.axis(name)
         across = np.cross(axis, np.eye(3)[int(np.argmin(np.abs(axis)))])
         across /= np.linalg.norm(across)
-        arm = np.array(entry.position) - np.array(database.reference.moment_reference)
-        terms = [each for each in database.terms if each.part and each.description == name]
-        still, moving = (_state(database, point, rho, flow) for flow in (0.0 * across, across))
-        (force, moment), (pushed, rolled) = (
-            _about(_loads(database, terms, state)[:, 0], arm) for state in (still, moving)
-        )
-        turning = _TURN * float(_turning(database, [name], still)[name][0])
-        pull = float(force @ axis)
+        flows = np.column_stack([0.0 * across, across])
+        state = still(rotors, rotors.point, flows)
+        force, moment = rotors.about_itself(name, state)
+        turning = _TURN * float(speeds_of(rotors.database, [name], state)[name][0])
+        pull = float(force[:, 0] @ axis)
         if not (pull > 0.0 and turning != 0.0):
             raise InputError(
                 f"{pull:.3g} N of thrust in still air at the middle of its commands",
-                place,
+                f"part {name}",
                 "the motor model needs thrust there; export the version as jsbsim or daveml",
             )
-        ends = [
-            _turning(database, [name], _state(database, end, rho))[name]
-            for end in ({n: pair[k] for n, pair in ranges.items()} for k in (0, 1))
-        ]
         motors.append(
             Motor(
                 name,
@@ -106,18 +169,71 @@ def project_motors(
                 (float(axis[0]), float(axis[1]), float(axis[2])),
                 entry.turns,
                 thrust=pull / turning**2,
-                moment=-entry.turns * float(moment @ axis) / pull + 0.0,
-                drag=-float((pushed - force) @ across) / abs(turning) + 0.0,
-                roll=-float((rolled - moment) @ across) / abs(turning) + 0.0,
-                fastest=max(abs(turning), *(_TURN * float(np.abs(each[0])) for each in ends)),
-                lag=lag_of(command.removeprefix("command_")),
+                moment=-entry.turns * float(moment[:, 0] @ axis) / pull + 0.0,
+                drag=-float((force[:, 1] - force[:, 0]) @ across) / abs(turning) + 0.0,
+                roll=-float((moment[:, 1] - moment[:, 0]) @ across) / abs(turning) + 0.0,
+                fastest=max(abs(turning), _TURN * rotors.fastest(name)),
+                lag=lag_of(rotors.command(name).removeprefix("command_")),
             )
         )
-    return _compared(database, tuple(motors), over, channels, rho)
+    model = motor_database(motors, rotors.database.name, rotors.database.reference)
+    largest, held = compared(
+        rotors,
+        model,
+        lambda turning: shares_of(motors, turning),
+        "the plugins",
+        "beyond the square of speed",
+    )
+    notes = [
+        f"constants are of still air at {rotors.rho:.4g} kg/m^3; the plugin has no density and no"
+        " advance ratio",
+        *held,
+    ]
+    if any(each.lag is None for each in motors):
+        notes.append(
+            "time constants are left to Gazebo; state `lag` of the rotors in the vehicle file"
+        )
+    order = ", ".join(f"{k} is {each.name}" for k, each in enumerate(motors))
+    notes.append(f"motor numbers, in the order of the commands: {order}")
+    return MotorModel(tuple(motors), largest, tuple(notes))
+
+
+def compared(
+    rotors: Rotors,
+    model: AeroDatabase,
+    shares: Callable[[Mapping[str, Array]], Mapping[str, Array]],
+    form: str,
+    beyond: str,
+) -> tuple[dict[str, float], list[str]]:
+    """Return the largest differences of a model from the database by load axis [N, N m], and notes
+    on them. shares : speeds of rotors [rev/s] (n,) -> inputs of the model. form, beyond : what it
+    is in words, and what of its rotors it lacks.
+    """
+    database, channels = rotors.database, rotors.channels
+    size = max(np.size(x) for x in channels.values())
+    point = {n: np.full(size, x) for n, x in neutral_point(database).items()}
+    point |= {n: np.zeros(size) for n in _STILL} | {"rho": np.full(size, rotors.rho)}
+    point |= dict(channels)
+    point["qbar"] = 0.5 * point["rho"] * point["V"] ** 2
+    turned = shares(speeds_of(database, rotors.entries, point))
+    held = loads_of(model, model.terms, {**point, **turned})
+    parts = {name: part.get("kind", "") for name, part in database.parts.items()}
+    groups = {name: [t for t in database.terms if t.part == name] for name in (*parts, "")}
+    loads = {name: loads_of(database, terms, point) for name, terms in groups.items() if terms}
+    own = sum((loads.pop(n) for n, kind in parts.items() if kind == "rotor"), np.zeros_like(held))
+    total = reduce(np.add, loads.values(), own) - held
+    notes = [
+        f"what {form} cannot hold over {rotors.over}: {_size(total)}",
+        f"of it the rotors' thrust and torque {beyond}: {_size(own - held)}",
+    ]
+    for name, each in loads.items():
+        what = f"the {parts[name]} {name}" if name else "coefficients and increments"
+        notes.append(f"of it {what}, which {form} do not hold: {_size(each)}")
+    largest = {axis: float(np.max(np.abs(row))) for axis, row in zip(LOAD_AXES, total, strict=True)}
+    return largest, notes
 
 
 def _command(database: AeroDatabase, name: str) -> str:
-    """The one command that a rotor's speed is of; empty where there is none, or several."""
     used = [n for n in database.variables[f"{name}_n"].expression.names if is_command(n)]
     return used[0] if len(used) == 1 else ""
 
@@ -125,48 +241,6 @@ def _command(database: AeroDatabase, name: str) -> str:
 def _natural(text: str) -> list[tuple[int, str]]:
     """A key that sorts numbers within texts by their values."""
     return [(int(x), "") if x.isdigit() else (-1, x) for x in re.split(r"([0-9]+)", text)]
-
-
-def _compared(
-    database: AeroDatabase,
-    motors: tuple[Motor, ...],
-    over: str,
-    channels: Mapping[str, Array],
-    rho: float,
-) -> MotorModel:
-    """Motors with their differences from a database over channels."""
-    size = max(np.size(x) for x in channels.values())
-    point = {n: np.full(size, x) for n, x in neutral_point(database).items()}
-    point |= {n: np.zeros(size) for n in _STILL} | {"rho": np.full(size, rho)} | dict(channels)
-    point["qbar"] = 0.5 * point["rho"] * point["V"] ** 2
-    model = motor_database(motors, database.name, database.reference)
-    names = [each.name for each in motors]
-    turned = shares_of(motors, _turning(database, names, point))
-    held = _loads(model, model.terms, {**point, **turned})
-    parts = {name: part.get("kind", "") for name, part in database.parts.items()}
-    groups = {name: [t for t in database.terms if t.part == name] for name in (*parts, "")}
-    loads = {name: _loads(database, terms, point) for name, terms in groups.items() if terms}
-    rotors = sum(
-        (loads.pop(n) for n, kind in parts.items() if kind == "rotor"), np.zeros_like(held)
-    )
-    total = reduce(np.add, loads.values(), rotors) - held
-    notes = [
-        f"constants are of still air at {rho:.4g} kg/m^3; the plugin has no density and no advance"
-        " ratio",
-        f"what the plugins cannot hold over {over}: {_size(total)}",
-        f"of it the rotors' thrust and torque beyond the square of speed: {_size(rotors - held)}",
-    ]
-    for name, each in loads.items():
-        what = f"the {parts[name]} {name}" if name else "coefficients and increments"
-        notes.append(f"of it {what}, which no plugin here holds: {_size(each)}")
-    if any(each.lag is None for each in motors):
-        notes.append(
-            "time constants are left to Gazebo; state `lag` of the rotors in the vehicle file"
-        )
-    order = ", ".join(f"{k} is {each.name}" for k, each in enumerate(motors))
-    notes.append(f"motor numbers, in the order of the commands: {order}")
-    largest = {axis: float(np.max(np.abs(row))) for axis, row in zip(LOAD_AXES, total, strict=True)}
-    return MotorModel(motors, largest, tuple(notes))
 
 
 def _size(loads: Array) -> str:
@@ -195,22 +269,6 @@ def _flow(u: Array, v: Array, w: Array) -> dict[str, Array]:
     }
 
 
-def _state(
-    database: AeroDatabase, commands: Mapping[str, float], rho: float, flow: Array | None = None
-) -> dict[str, Array]:
-    """Channels (1,) in a flow (3,) [m/s] without rotation."""
-    u, v, w = np.zeros((3, 1)) if flow is None else flow[:, None]
-    point = {n: np.full(1, x) for n, x in neutral_point(database).items()}
-    point |= {n: np.zeros(1) for n in _STILL} | {"rho": np.full(1, rho)} | _flow(u, v, w)
-    point["qbar"] = 0.5 * rho * point["V"] ** 2
-    return point | {name: np.full(1, value) for name, value in commands.items()}
-
-
-def _about(loads: Array, arm: Array) -> tuple[Array, Array]:
-    """Force and moment (3,) about the point that is `arm` (3,) [m] from that of loads (6,)."""
-    return loads[:3], loads[3:] - np.cross(arm, loads[:3])
-
-
 def _values(
     database: AeroDatabase, trees: Iterable[Expression], channels: Mapping[str, Array]
 ) -> list[Array]:
@@ -221,17 +279,17 @@ def _values(
     return [np.broadcast_to(each, (size,)) for each in values]
 
 
-def _turning(
+def speeds_of(
     database: AeroDatabase, names: Iterable[str], channels: Mapping[str, Array]
 ) -> dict[str, Array]:
-    """Rotor -> (n,) [rev/s]."""
+    """Return rotor -> (n,) [rev/s] in channels (n,)."""
     names = list(names)
     trees = [database.variables[f"{name}_n"].expression for name in names]
     return dict(zip(names, _values(database, trees, channels), strict=True))
 
 
-def _loads(database: AeroDatabase, terms: Iterable[Term], channels: Mapping[str, Array]) -> Array:
-    """Loads (6, n) of terms [N, N m] about the database's moment reference."""
+def loads_of(database: AeroDatabase, terms: Iterable[Term], channels: Mapping[str, Array]) -> Array:
+    """Return loads (6, n) of terms [N, N m] about the database's moment reference."""
     terms = list(terms)
     loads = [t for t in terms if t.axis in LOAD_AXES]
     total = np.zeros((6, max(np.size(x) for x in channels.values())))
