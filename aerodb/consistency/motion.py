@@ -10,6 +10,7 @@ velocity turned into body axes). On the flat earth W_e = W_t = 0 and g is consta
 
 import numpy as np
 from numba import njit
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from aerodb.physics import EARTH_RATE, PLUMB_LINE_CURVATURE, normal_gravity, radii_of_curvature
@@ -18,6 +19,9 @@ from aerodb.support import Array
 #: Smallest cosine of the pitch attitude in derivatives of Euler angles; closer to the vertical,
 #: those at this cosine are used.
 _LEAST_COSINE = 1e-7
+
+register_jitable(normal_gravity)
+register_jitable(radii_of_curvature)
 
 
 @njit(cache=True, nogil=True)

@@ -8,10 +8,10 @@ from typing import Final
 import numpy as np
 
 from aerodb.consistency.kinematics import INPUTS
+from aerodb.consistency.outlook import TURN, turn_of
 from aerodb.consistency.pressures import HOLES
 from aerodb.consistency.sensors import AIR_DATA, PER_FLIGHT, FlightRecord, channels_of, parameter
 from aerodb.remarks import Remark
-from aerodb.support import Array
 from aerodb.vehicle import Accuracy, Sensor, Vehicle, VerticalAir
 
 #: Prior of initial states, in natural sizes: they start from noisy first samples.
@@ -26,9 +26,6 @@ TRUST: Final = 0.2
 
 #: Noise (SI) of a channel that has left the estimate: none of its samples weighs anything.
 NO_WEIGHT: Final = 1e4
-
-#: Change of track (rad) needed to separate the wind from an airspeed error.
-TURN: Final = 1.0
 
 _EARTH: Final = ("velocity_north", "velocity_east", "velocity_down", "north", "east")
 
@@ -314,22 +311,6 @@ def _turned(record: FlightRecord) -> bool:
     """Return whether the track turns far enough within a record to separate wind from airspeed
     error."""
     return turn_of(record.outputs) > TURN
-
-
-def turn_of(channels: Mapping[str, Array]) -> float:
-    """Return by how much the track turns [rad], the heading where there is no track; 0 where there
-    is neither.
-
-    channels : name -> (n,), SI.
-    """
-    if {"velocity_north", "velocity_east"} <= set(channels):
-        track = np.arctan2(channels["velocity_east"], channels["velocity_north"])
-    elif "psi" in channels:
-        track = channels["psi"]
-    else:
-        return 0.0
-    good = track[np.isfinite(track)]
-    return float(np.ptp(np.unwrap(good))) if len(good) else 0.0
 
 
 def _left_out(logged: set[str], earth: bool, turned: bool) -> tuple[str, ...]:

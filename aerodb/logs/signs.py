@@ -5,7 +5,6 @@ from dataclasses import replace
 from typing import Final
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
 from aerodb.logs.clocks import ClockColumn, seconds_of
 from aerodb.logs.guesses import Guess, in_si
@@ -142,6 +141,8 @@ def _correlation(time: Array, one: Array, other: Array) -> float | None:
     width = max(1, round(_STEADY / max(float(np.median(np.diff(time[good]))), 1e-6)))
     if good.sum() < 10 * width:
         return None
+    from scipy.ndimage import uniform_filter1d  # here: a mapping that is read needs none
+
     means = [uniform_filter1d(each[good], width) for each in (one, other)]
     with np.errstate(all="ignore"):
         return float(np.corrcoef(means[0], means[1])[0, 1])

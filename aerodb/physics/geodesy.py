@@ -1,6 +1,7 @@
 """WGS-84 earth: radii of curvature, normal gravity, and positions in metres from a local origin.
 
-The compiled functions take numbers or arrays; latitude is geodetic [rad], height is above the
+The functions take numbers or arrays, and compiled code may call them (`register_jitable` there):
+who needs one number need not wait for a compiler. Latitude is geodetic [rad], height is above the
 ellipsoid [m]. Sources: NIMA TR8350.2 (2000), chapters 3 and 4; Groves, *Principles of GNSS,
 Inertial, and Multisensor Integrated Navigation Systems*, 2nd ed. (2013), section 2.4.
 """
@@ -9,7 +10,6 @@ from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
-from numba import njit
 
 from aerodb.errors import InputError
 from aerodb.support import Array
@@ -103,7 +103,6 @@ class NormalGravity(NamedTuple):
     north_by_height: float
 
 
-@njit(cache=True)
 def radii_of_curvature(latitude: float) -> CurvatureRadii:
     """Return the radii of curvature of the ellipsoid and their derivatives by latitude.
 
@@ -123,7 +122,6 @@ def radii_of_curvature(latitude: float) -> CurvatureRadii:
     return CurvatureRadii(meridian, normal, 3.0 * growth * meridian, growth * normal)
 
 
-@njit(cache=True)
 def normal_gravity(latitude: float, height: float) -> NormalGravity:
     """Return normal gravity and its derivatives by latitude and height.
 

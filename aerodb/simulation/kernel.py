@@ -14,6 +14,7 @@ import math
 
 import numpy as np
 from numba import njit
+from numba.extending import register_jitable
 from numpy.typing import NDArray
 
 from aerodb.physics import (
@@ -45,6 +46,9 @@ from aerodb.tables import STILL_AIR, execute
 #: Tolerance of alphadot and betadot [rad/s], and the most evaluations to find them.
 _TOLERANCE = 1e-11
 _EVALUATIONS = 8
+
+register_jitable(normal_gravity)
+register_jitable(radii_of_curvature)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -10,7 +10,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import least_squares
 
 from aerodb.conditioning import STEADY_WIND_ALTITUDE, STEADY_WIND_TIME, Suspicion
 from aerodb.estimation import samples_per_independent
@@ -122,6 +121,8 @@ def _turn(flight: Flight, rows: Rows) -> _Turn | None:
     def left(x: Array) -> Array:
         true = np.sqrt((north - x[0]) ** 2 + (east - x[1]) ** 2 + down**2)
         return np.asarray(shown - x[2] * true)
+
+    from scipy.optimize import least_squares  # here: a log that is inspected needs none
 
     fit = least_squares(left, start)
     ratio, residual = float(fit.x[2]), np.asarray(fit.fun)

@@ -48,7 +48,7 @@ DECIDING: Mapping[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
     "conditioning": (("",), ("conditioning", "ingest", "beside", "consistency")),
     "suspicions": (("",), ("ingest", "beside")),
     "consistency": (
-        ("calibration", "corrected", "navigation_sources", "plan", "records", "sensor_noise",
+        ("calibration", "corrected", "navigation_sources", "outlook", "plan", "records", "sensor_noise",
          "verdict", "output_error.installation", "output_error.posterior",
          "output_error.reconciliation", "sensors.expected", "sensors.whiteness"),
         ("consistency",),

@@ -291,11 +291,32 @@ def test_a_query_imports_no_orchestrator(
     assert json.loads(done.stdout)
 
 
-def test_a_run_that_draws_and_filters_nothing_does_not_import_what_does() -> None:
+@pytest.mark.parametrize(
+    ("modules", "heavy"),
+    [
+        (
+            "aerodb.flows.close_loop, aerodb.flows.flight, aerodb.flows.update",
+            {
+                "prefect",
+                "matplotlib",
+                "jinja2",
+                "scipy.signal",
+                "scipy.stats",
+                "sqlalchemy.dialects.postgresql",
+            },
+        ),
+        (
+            "aerodb.tasks.steps.log_findings",
+            {"numba", "scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.stats"},
+        ),
+        ("aerodb.tasks.steps.inspect_log, aerodb.logs.mapping_draft", {"numba", "scipy"}),
+    ],
+)
+def test_what_draws_filters_or_compiles_nothing_does_not_import_what_does(
+    modules: str, heavy: set[str]
+) -> None:
     code = (
-        "import sys, aerodb.flows.close_loop, aerodb.flows.flight, aerodb.flows.update; heavy ="
-        " {'prefect', 'matplotlib', 'jinja2', 'scipy.signal', 'scipy.stats',"
-        " 'sqlalchemy.dialects.postgresql'} & set(sys.modules);"
+        f"import sys, {modules}; heavy = {heavy!r} & set(sys.modules);"
         "sys.exit(str(heavy) if heavy else 0)"
     )
     done = subprocess.run(
