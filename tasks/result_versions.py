@@ -13,7 +13,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "coefficients": 5,
     "compare": 20,
     "import": 3,
-    "fly": 7,
+    "fly": 8,
     "estimate": 25,
     "update": 35,
     "gram": 22,

@@ -1,5 +1,5 @@
 """Two files as one database: what another native text adds to a database, and the legs on which a
-vehicle rolls beside its aerodynamics."""
+vehicle rolls, or the wake that it meets, beside its aerodynamics."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -7,6 +7,7 @@ from typing import Any
 from aerodb.errors import InputError
 from aerodb.exchange.native import entries, from_document, read_native, to_document
 from aerodb.exchange.native_schema import DatabaseFile
+from aerodb.physics import VortexPair
 from aerodb.support import validated
 from aerodb.tables import AeroDatabase, ReferenceGeometry
 
@@ -39,6 +40,25 @@ def on_legs(air: AeroDatabase, legs: AeroDatabase) -> AeroDatabase:
     """
     added = {k: v for k, v in to_document(legs).items() if k not in ("name", "reference")}
     return _sum(to_document(air), added, f"{air.name} on {legs.name}")
+
+
+def in_wake(air: AeroDatabase, pair: VortexPair) -> AeroDatabase:
+    """Return aerodynamics whose parts feel a vortex pair [SI] at their own places
+    (`aerodb.parts.wake`); V, alpha and beta hold its air at the moment reference.
+
+    Raises InputError where the database has a part of the name ``wake``.
+    """
+    wake = {
+        "kind": "wake",
+        "circulation": pair.circulation,
+        "core_radius": pair.core_radius,
+        "spacing": pair.spacing,
+        "point": list(pair.place),
+        "heading": pair.heading,
+        "slope": pair.slope,
+        "core": pair.core,
+    }
+    return _sum(to_document(air), {"parts": {"wake": wake}}, air.name)
 
 
 def read_legs(text: str, where: str, reference: ReferenceGeometry) -> AeroDatabase | None:

@@ -44,7 +44,9 @@ def flow(writer: Writer, frame: Frame) -> tuple[Expression, Expression, Expressi
 
     Returns u, v, w and the square of V.
     """
-    u, v, w = (writer.define(name, frame.velocity(k)) for k, name in enumerate("uvw"))
+    u, v, w = (
+        writer.define(name, each) for name, each in zip("uvw", writer.velocity(frame), strict=True)
+    )
     two = Number(2.0)
     plane = plus(Operation("^", u, two), Operation("^", w, two))
     square = plus(plane, Operation("^", v, two))

@@ -59,7 +59,7 @@ def write(entry: Engine, writer: Writer, reference_point: Array, discs: Discs) -
     """
     del discs
     frame = Frame(np.array(entry.position) - reference_point, along(entry.direction))
-    axial = frame.velocity(0)
+    axial = writer.velocity(frame)[0]
     writer.offer("u", axial)
     thrust = writer.define("thrust", writer.read(entry.thrust, "thrust"), "thrust")
     torque = None if entry.torque is None else writer.read(entry.torque, "torque")

@@ -8,12 +8,21 @@ import numpy as np
 
 from aerodb.errors import InputError, UnknownNameError, nearest, together
 from aerodb.nomenclature import channel
-from aerodb.parts import body, engine, fuselage, leg, rotor, section, surface
+from aerodb.parts import body, engine, fuselage, leg, rotor, section, surface, wake
 from aerodb.parts.entry import Disc, Entry
 from aerodb.parts.frame import MOTION
 from aerodb.parts.writing import Writer
 from aerodb.support import validated
-from aerodb.tables import CONSTANTS, HAT_RATES, Expression, ReferenceGeometry, Term, Variable, parse
+from aerodb.tables import (
+    CONSTANTS,
+    HAT_RATES,
+    AeroDatabase,
+    Expression,
+    ReferenceGeometry,
+    Term,
+    Variable,
+    parse,
+)
 
 #: Kind -> its keys, and what writes it.
 _WRITERS: Final[dict[str, tuple[type[Entry], Callable[..., Any]]]] = {
@@ -24,6 +33,7 @@ _WRITERS: Final[dict[str, tuple[type[Entry], Callable[..., Any]]]] = {
     "rotor": (rotor.Rotor, rotor.write),
     "leg": (leg.Leg, leg.write),
     "body": (body.Body, body.write),
+    "wake": (wake.Wake, wake.write),
 }
 KINDS: Final[tuple[str, ...]] = tuple(_WRITERS)
 #: Of which part the variables are that all parts share.
@@ -69,17 +79,24 @@ def expand(
             entries.append(_entry(name, part))
         except InputError as error:
             wrong.append(error)
+    wakes = [place for entry, _, place in entries if isinstance(entry, wake.Wake)]
+    if wakes[1:]:
+        wrong.append(InputError("a second wake", wakes[1], "one vortex pair at a time"))
     if wrong:
         raise together(wrong)
-    for slipstreams in (True, False):
+    air: wake.MovingAir | None = None
+    for turn in range(3):
         for entry, name, place in entries:
-            if isinstance(entry, (engine.Engine, rotor.Rotor)) != slipstreams:
+            if _turn_of(type(entry)) != turn:
                 continue
             try:
                 for sided, writer in _sides(entry, name, place):
-                    disc = _WRITERS[entry.kind][1](sided, writer, point, discs)
-                    if isinstance(disc, Disc):
-                        discs[writer.name] = disc
+                    writer.air = air
+                    made = _WRITERS[entry.kind][1](sided, writer, point, discs)
+                    if isinstance(made, Disc):
+                        discs[writer.name] = made
+                    elif isinstance(made, wake.MovingAir):
+                        air = made
                     written.append(writer)
             except InputError as error:
                 wrong.append(error)
@@ -97,6 +114,20 @@ def expand(
         if name in used
     }
     return Expansion(motion | variables, terms)
+
+
+def _turn_of(kind: type[Entry]) -> int:
+    """When a kind is written: the air that others are in, then slipstreams, then the rest."""
+    if kind is wake.Wake:
+        return 0
+    return 1 if kind in (engine.Engine, rotor.Rotor) else 2
+
+
+def felt_at_places(database: AeroDatabase) -> bool:
+    """Return whether all aerodynamic loads of a database are those of its parts, so that each feels
+    a wake at its own place: not those of tables and derivatives, which are the aircraft's."""
+    kinds = {part["kind"] for part in database.parts.values()} - {"leg", "wake"}
+    return bool(kinds) and all(term.part for term in database.terms)
 
 
 def rotors_of(parts: Mapping[str, Any]) -> dict[str, rotor.Rotor]:

@@ -124,7 +124,7 @@ def write(entry: Rotor, writer: Writer, reference_point: Array, discs: Discs) ->
     """
     del discs
     frame = Frame(np.array(entry.position) - reference_point, across(entry.axis, entry.tilt_axis))
-    u, v, w = (frame.velocity(k) for k in range(3))
+    u, v, w = writer.velocity(frame)
     tilt: Name | None = None
     if entry.tilt is not None:
         told = writer.parsed(entry.tilt, "tilt")

@@ -201,7 +201,7 @@ def write(entry: Section, writer: Writer, reference_point: Array, discs: Discs) 
     """
     axes = lifting(writer.side, entry.dihedral, entry.sweep)
     frame = Frame(np.array(entry.position) - reference_point, axes)
-    u, v, w = (frame.velocity(k) for k in range(3))
+    u, v, w = writer.velocity(frame)
     disc = standing_in(entry, writer, discs)
     if disc is not None:
         grown = Number(growth(disc, frame))

@@ -27,7 +27,7 @@ from aerodb.parts.section import (
 from aerodb.parts.writing import Writer
 from aerodb.quantities import Metres, Point, Radians
 from aerodb.support import Array
-from aerodb.tables import Expression, Number, summed, times
+from aerodb.tables import Expression, Number, Operation, summed, times
 
 
 class Region(Flap):
@@ -118,6 +118,11 @@ def write(entry: Surface, writer: Writer, reference_point: Array, discs: Discs) 
         velocity = [
             combination(list(shares.values()), [flows[of][j] for of in shares]) for j in range(3)
         ]
+        if writer.air is not None:
+            felt = writer.air.felt(Frame(root.arm + place * line, axes), own)
+            if angle is not None:
+                felt[0], felt[2] = turned_down(felt[0], felt[2], angle)
+            velocity = [Operation("-", a, b) for a, b in zip(velocity, felt, strict=True)]
         x, z, moment = strip_forces(strip, own, velocity[0], velocity[1], velocity[2])
         forces.append((x, z))
         moments += [] if moment is None else [moment]

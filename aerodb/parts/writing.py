@@ -1,11 +1,14 @@
 """The expressions of one part: names of its own in place of the aircraft's."""
 
 from dataclasses import dataclass, field
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 from aerodb.errors import InputError
 from aerodb.parts.frame import Frame
-from aerodb.tables import Expression, Name, Term, Variable, number, parse, substituted
+from aerodb.tables import Expression, Name, Operation, Term, Variable, number, parse, substituted
+
+if TYPE_CHECKING:
+    from aerodb.parts.wake import MovingAir
 
 #: Unit and meaning of the variables of a part, by the end of their names.
 _MEANING: Final = {
@@ -36,6 +39,24 @@ _MEANING: Final = {
     "friction": ("1", "rolling friction coefficient"),
     "side_limit": ("1", "largest side force coefficient"),
     "saturation": ("1", "slip angle over that of the largest side force, times 1.5"),
+    "aside": ("rad", "heading of the aircraft less that of its axis"),
+    **{f"right_{k}": ("1", f"unit vector to the right of its axis along body {k}") for k in "xyz"},
+    **{f"below_{k}": ("1", f"unit vector below its axis along body {k}") for k in "xyz"},
+    "away_right": ("m", "moment reference to the right of its axis"),
+    "away_below": ("m", "moment reference below its axis"),
+    "strength": ("m^2/s", "circulation over 2 pi"),
+    "core": ("m", "core radius"),
+    "half": ("m", "half the spacing of its vortices"),
+    **{
+        name + end: (unit, f"{meaning} of the wake{where}")
+        for end, where in (("", ""), ("_there", " where the air is measured"))
+        for name, unit, meaning in (
+            ("wake_y", "m", "place to the right of the axis"),
+            ("wake_z", "m", "place below the axis"),
+            ("wake_right", "m/s", "velocity of the air to the right of the axis"),
+            ("wake_below", "m/s", "velocity of the air below the axis"),
+        )
+    },
     "x": ("N", "force along its x axis"),
     "y": ("N", "force along its y axis"),
     "z": ("N", "force along its z axis"),
@@ -64,6 +85,8 @@ class Writer:
     name: str
     where: str
     side: float = 1.0
+    #: The wake that the part is in.
+    air: "MovingAir | None" = None
     variables: dict[str, Variable] = field(default_factory=dict)
     terms: list[Term] = field(default_factory=list)
     #: Name in a formula of the part -> what it stands for.
@@ -88,6 +111,15 @@ class Writer:
     def offer(self, what: str, expression: Expression) -> None:
         """Let formulas read on use a variable, SI, that is defined when the first of them does."""
         self.offered[what] = expression
+
+    def velocity(self, frame: Frame) -> list[Expression]:
+        """Return the velocity [m/s] of a part through the air along its axes: still air, or the air
+        of a wake at its place."""
+        moving = [frame.velocity(k) for k in range(3)]
+        if self.air is None:
+            return moving
+        felt = self.air.felt(frame, self)
+        return [Operation("-", one, other) for one, other in zip(moving, felt, strict=True)]
 
     def read(self, text: str, key: str) -> Expression:
         """Return a formula of the file, in which local names are those of the part.

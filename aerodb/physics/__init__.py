@@ -69,6 +69,6 @@ if TYPE_CHECKING:
         rotation_gain,
         turbulence_at,
     )
-    from .wake import CORES, Core, VortexPair, air_at_stations
+    from .wake import CORES, LAMB_OSEEN_EXPONENT, Core, VortexPair, air_at_centre, air_at_stations
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

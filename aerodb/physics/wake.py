@@ -26,7 +26,7 @@ from aerodb.support import Array
 Core = Literal["lamb_oseen", "burnham_hallock"]
 CORES: Final[tuple[Core, ...]] = get_args(Core)
 #: Exponent that puts the greatest velocity of Lamb-Oseen's vortex at the core radius.
-_OSEEN: Final = 1.2544
+LAMB_OSEEN_EXPONENT: Final = 1.2544
 
 
 @dataclass(frozen=True)
@@ -80,7 +80,7 @@ class VortexPair:
         if self.core == "burnham_hallock":
             return np.asarray(1.0 / (self.core_radius**2 + square))
         square = np.maximum(square, 1e-12 * self.core_radius**2)
-        return np.asarray(-np.expm1(-_OSEEN * square / self.core_radius**2) / square)
+        return np.asarray(-np.expm1(-LAMB_OSEEN_EXPONENT * square / self.core_radius**2) / square)
 
     def _axes(self) -> tuple[Array, Array]:
         """Unit vectors north, east, down across the axis: to the right, and below."""
@@ -127,6 +127,13 @@ def air_at_stations(
         "gust_u": mean[0], "gust_v": along[1], "gust_w": mean[2],
         "gust_p": by_y[2], "gust_q": -by_x[2], "gust_r": -by_y[0],
     }  # fmt: skip
+
+
+def air_at_centre(pair: VortexPair, place: Array, attitude: Array) -> dict[str, Array]:
+    """Return the gust (n,) [m/s] of `air_at_stations` at the CG alone: what V, alpha and beta show
+    of a wake whose other velocities the parts of an aircraft feel at their own places."""
+    air = to_body(attitude, pair.velocity(place))
+    return dict(zip(("gust_u", "gust_v", "gust_w"), air, strict=True))
 
 
 #: Stations of the wing, and of the fuselage.

@@ -1,13 +1,15 @@
 """A version flown through a described manoeuvre, from trim."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from typing import Any
 
 import numpy as np
 
 from aerodb.errors import InputError, nearest
-from aerodb.parts import beyond_tilt
-from aerodb.physics import VortexPair, air_at_stations, quaternion_from_euler
+from aerodb.exchange import in_wake
+from aerodb.parts import beyond_tilt, felt_at_places
+from aerodb.physics import VortexPair, air_at_centre, air_at_stations, quaternion_from_euler
 from aerodb.report import FlownStretch, response_report
 from aerodb.simulation import (
     RESPONSES,
@@ -133,7 +135,14 @@ def _flown(
             series[f"reference_{channel}"] = np.full(len(time), trimmed.channels[channel])
     run = simulate(model, time, trimmed.start, series)
     if stated.wake is not None:
-        run, air = _through_wake(stated.wake, model, trimmed.start, series, run, air)
+        at_places = felt_at_places(database)
+        if at_places:
+            # Trimmed with the wake, it would begin with another attitude than outside of it.
+            inside = in_wake(database, stated.wake)
+            model = with_feedback(trim_of(catalogue, row, steady, inside).problem.model, gains)
+        span = model.database.reference.span
+        met = air_at_centre if at_places else partial(air_at_stations, span=span)
+        run, air = _through_wake(stated.wake, met, model, trimmed.start, series, run, air)
     stands = standstill(run, model.database, [series[f"cg_{axis}"][0] for axis in "xyz"])
     ended = float(time[run.ended[0] - 1]) if stands is None else stands.time
     time = time if stands is None else time[: stands.samples]
@@ -182,6 +191,7 @@ def _flown(
 
 def _through_wake(
     pair: VortexPair,
+    met_by: Callable[..., dict[str, Array]],
     model: FlightModel,
     start: Mapping[str, float],
     series: Mapping[str, Array],
@@ -190,9 +200,10 @@ def _through_wake(
 ) -> tuple[Simulation, dict[str, Array]]:
     """The run through a wake, and its air: the path decides what is met, and that decides the path.
 
-    Each pass flies through the air along the path of the one before, until the path stays.
+    met_by : what the vehicle feels of the pair as gusts, such as `air_at_stations`. Each pass flies
+    through the air along the path of the one before, until the path stays.
     """
-    time, span = run.time, model.database.reference.span
+    time = run.time
     for _ in range(_PASSES):
         place = np.stack([run.channels[name][:, 0] for name in ("north", "east", "altitude")])
         if not np.isfinite(place).all():
@@ -202,7 +213,7 @@ def _through_wake(
         attitude = quaternion_from_euler(
             *(run.channels[name][:, 0] for name in ("phi", "theta", "psi"))
         )
-        met = air_at_stations(pair, place, attitude, span)
+        met = met_by(pair, place, attitude)
         felt = {name: values + air.get(name, 0.0) for name, values in met.items()}
         run = simulate(model, time, start, {**series, **felt})
         after = np.stack([run.channels[name][:, 0] for name in ("north", "east", "altitude")])
