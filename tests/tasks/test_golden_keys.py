@@ -36,7 +36,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "compare": (20, "7071cd8890a99643", "75ab953bf9aaf46f"),
     "gram": (22, "64bf5e9ba0af7a32", "a41b3127f3bfd9d7"),
     "close_loop": (73, "5ce665354e531c10", "b7cd226038e57476"),
-    "fly": (7, "3f869b9f97aaa17d", "c1e07fb83cde1a03"),
+    "fly": (8, "c2e0209a428f1e39", "c1e07fb83cde1a03"),
     "import": (3, "2c4d0454b27962f7", "15d078bd64552f53"),
     "estimate": (25, "39ac1cf156f6a294", "be09817f5df27dda"),
     "update": (35, "786274f0990a4182", "6b1983884f9e9ae7"),
