@@ -242,6 +242,22 @@ def test_a_motor_that_never_turned_limits_its_flight(flown: Path) -> None:
     assert "dead.ulg: used, with reservations (why: aerodb flight show dead.ulg)" in said
 
 
+def test_a_rotor_without_command_in_the_log_is_said(flown: Path) -> None:
+    """A vehicle file whose rotor 2 is logged in a field that the log lacks."""
+    text = (flown / "quad.toml").read_text().replace("control[1]", "control[30]")
+    (flown / "other.toml").write_text(text.replace('name = "quad"', 'name = "other"'))
+    write_px4(flown / "other.ulg", fly([24], 12.0))
+    for words in (
+        ("vehicle", "add", "other.toml"),
+        ("database", "import", "quad-rotors.toml", "--vehicle", "other"),
+        ("flight", "ingest", "other.ulg", "--vehicle", "other", "-v"),
+    ):
+        done = aerodb(flown / "workspace", *words, folder=flown)
+        assert done.returncode == 0, done.stderr
+    assert "rotor 2" in done.stdout
+    assert "control[30]" in done.stdout
+
+
 def test_the_order_of_another_frame_limits_its_flight(flown: Path) -> None:
     flight = fly([23], 20.0)
     flight.commands[:] = flight.commands[:, (3, 0, 1, 2)]

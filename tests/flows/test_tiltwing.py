@@ -94,6 +94,24 @@ def test_a_wing_beyond_upright_is_no_impossible_deflection(tmp_path: Path) -> No
     assert shown["axes"]["CZ"]["samples"] > 0.9 * 12 * 50
 
 
+def test_a_tilt_beyond_its_limits_is_said_of_each_rotor(tmp_path: Path) -> None:
+    """A hover has the wing upright, but the rotors of this database stop at 60 deg."""
+    write_csv(tmp_path / "hover.csv", fly([5], 12.0, fastest=0.0))
+    (tmp_path / "vehicle.toml").write_text(VEHICLE)
+    limit = 'tilt = "delta_tilt"\ntilt_limits = ["0 deg", "60 deg"]\nturns'
+    (tmp_path / "wing.toml").write_text(database().replace('tilt = "delta_tilt"\nturns', limit))
+    for words in (
+        ("vehicle", "add", "vehicle.toml"),
+        ("database", "import", "wing.toml", "--vehicle", "tilt-wing"),
+        ("flight", "ingest", "hover.csv", "--vehicle", "tilt-wing", "--mapping", "canonical", "-v"),
+    ):
+        done = aerodb(tmp_path / "w", *words, folder=tmp_path)
+        assert done.returncode == 0, done.stderr
+    for rotor in ("inner_left", "inner_right", "outer_left", "outer_right"):
+        assert f"the tilt of {rotor} is told to be " in done.stdout, rotor
+    assert "beyond its limit of 60 deg" in done.stdout
+
+
 WING = """
 [parts.wing]
 kind = "section"
