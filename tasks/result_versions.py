@@ -14,10 +14,10 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 20,
     "import": 3,
     "fly": 8,
-    "estimate": 25,
-    "update": 35,
+    "estimate": 26,
+    "update": 36,
     "gram": 22,
-    "close_loop": 73,
+    "close_loop": 74,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

@@ -31,11 +31,13 @@ class DatabaseSide:
     """A database's prediction of a flight, and what it was made of.
 
     channels : name -> (n,), SI, of all that `database` uses, as `as_inputs` made them.
+    over_ground : whether the velocity over the earth stands for the flow, which no sensor measures.
     """
 
     database: AeroDatabase
     channels: Mapping[str, Array]
     prediction: Prediction
+    over_ground: bool = False
 
     def holds_for(self, database: AeroDatabase, channels: Mapping[str, Array]) -> bool:
         """Return whether `database` predicts the same of these `channels` (n,), SI units, to the
@@ -207,6 +209,7 @@ def _predicted(flight: Flight, database: AeroDatabase) -> DatabaseSide:
         database,
         {name: flight[name] for name in used if name in flight},
         database.predict(flight.channels),
+        bool(flight.estimated.issuperset(("V", "alpha", "beta"))),
     )
 
 

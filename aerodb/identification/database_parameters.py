@@ -28,6 +28,7 @@ from aerodb.identification.equations import SHORTEST, usable_runs
 from aerodb.identification.identification_flight import IdentificationFlight
 from aerodb.increments import (
     ParameterSamples,
+    air_covariance,
     between_bounds,
     check_parameters_of,
     moved_by_noise_alone,
@@ -230,13 +231,40 @@ def _settled(
         ]
         present = with_parameters(present, within_bounds(fit, database))
         if max(moved, default=0.0) <= _SETTLED:
-            return fit
-    assert fit is not None
-    return replace(
-        fit,
-        converged=False,
-        notes=(*fit.notes, f"The values still move after {_MOST} solutions: start nearer."),
+            break
+    else:
+        assert fit is not None
+        late = f"The values still move after {_MOST} solutions: start nearer."
+        fit = replace(fit, converged=False, notes=(*fit.notes, late))
+    return _with_air(fit, flights, names, present, own_constants)
+
+
+def _with_air(
+    fit: Fit,
+    flights: Sequence[IdentificationFlight],
+    names: Sequence[str],
+    present: AeroDatabase,
+    own_constants: bool,
+) -> Fit:
+    """The fit, whose covariance holds what air does that no sensor measures."""
+    comparisons = [flight.comparison for flight in flights]
+    samples = parameter_samples(comparisons, names, present, own_constants)
+    doubt = air_covariance([(each, run) for each in samples for run in _runs(each)], present)
+    if not doubt.any():
+        return fit
+    places = [names.index(name) for name in fit.names if name in names]
+    rows = [k for k, name in enumerate(fit.names) if name in names]
+    covariance = fit.covariance.copy()
+    covariance[np.ix_(rows, rows)] += doubt[np.ix_(places, places)]
+    errors = dict(zip(fit.names, np.sqrt(np.diag(covariance)).tolist(), strict=True))
+    estimates = tuple(
+        replace(each, standard_error=errors[each.name])
+        if each.name in errors and np.isfinite(each.standard_error)
+        else each
+        for each in fit.estimates
     )
+    told = "Standard errors include air that no sensor measures: the flow is that over the ground."
+    return replace(fit, covariance=covariance, estimates=estimates, assumes=(*fit.assumes, told))
 
 
 @dataclass(frozen=True, eq=False)

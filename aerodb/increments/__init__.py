@@ -19,10 +19,10 @@ The way through:
    `judge_contradictions` decide whether a version may be released (`GateVerdict`).
 
 `model_file` holds the file format, `chosen_knots` the knots of splines that it leaves open,
-`estimate` the regression and `parameters` that of parameters of the database, `considered` and
-`constraints` what widens and holds estimates, `validation` hold-out and errors, `beyond` flights
-outside the envelope, `derivatives` what changes inside it, `gate` the release checks,
-`acceptable` those that a person may overrule.
+`estimate` the regression and `parameters` that of parameters of the database, `considered`,
+`unmeasured_air` and `constraints` what widens and holds estimates, `validation` hold-out and
+errors, `beyond` flights outside the envelope, `derivatives` what changes inside it, `gate` the
+release checks, `acceptable` those that a person may overrule.
 """
 
 from typing import TYPE_CHECKING
@@ -76,6 +76,7 @@ if TYPE_CHECKING:
         tells_nothing,
     )
     from .samples import AxisSamples, axis_samples, channels_of, with_model_rates
+    from .unmeasured_air import air_covariance
     from .validation import (
         AxisValidation,
         Floors,

@@ -26,6 +26,7 @@ from aerodb.increments.considered import ConsiderParameter, consider_covariance
 from aerodb.increments.constraints import alias_groups, constrained_fit, correlation_of
 from aerodb.increments.noisy_deflections import with_noise, without_deflection_noise
 from aerodb.increments.samples import as_compared
+from aerodb.increments.unmeasured_air import air_covariance
 from aerodb.nomenclature import in_order
 from aerodb.signals import rms
 from aerodb.support import Array, Mask
@@ -384,6 +385,7 @@ def _fitted(
         consider,
         {each.axis: each.size for each in samples},
     )
+    doubt = doubt + air_covariance([(each, each.good) for each in samples], present)
     return replace(fit, covariance=_shared_covariance(samples, matrix, fit.residual) + doubt)
 
 

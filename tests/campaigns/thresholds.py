@@ -107,6 +107,7 @@ NOT_DECIDING: Mapping[str, str] = {
     "conditioning.frozen.ROUNDING": "rounding",
     "suspicions.rotor_order._STEP": "step of a difference",
     "suspicions.rotors._STEP": "step of a difference",
+    "increments.unmeasured_air._STEP": "step of a difference",
     "suspicions.over_ground._UNITS": "units",
     "suspicions.over_ground.STEP": "grid",
     "suspicions.over_ground._SECTORS": "grid",
