@@ -25,7 +25,7 @@ from aerodb.report.style import Picture
 from aerodb.tables import AeroDatabase, diff
 
 #: Edits that a paper lists, the largest of all.
-_EDITS_ON_PAPER: Final = 8
+_EDITS_ON_PAPER: Final = 6
 
 
 @dataclass(frozen=True)
