@@ -7,7 +7,7 @@ gravity), and linear effects of flow and rates (drag, inflow, damping). So hover
 rotor: with constant commands a weak rotor is a shifted centre of gravity.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -80,9 +80,11 @@ def rotor_suspicions(
     if order:
         return order
     effects = _effects(flight, database, names)
+    shared = [banded(column) for column in _anywhere(flight)]
     lengths, left, shares = [], [], {name: list[Array]() for name in names}
     for axis in axes:
-        free = _free(flight, axis, measured, predicted, banded)
+        own = _on_axis(flight, axis, measured, predicted)
+        free = np.column_stack([*shared, *(banded(column) for column in own)])
         response = _beyond(free, banded(measured[axis] - predicted[axis]))
         size = float(np.sqrt(np.mean(response**2))) or 1.0
         lengths.append(len(response))
@@ -145,24 +147,24 @@ def _effects(
     return found
 
 
-def _free(
-    flight: Flight,
-    axis: str,
-    measured: Mapping[str, Array],
-    predicted: Mapping[str, Array],
-    banded: Callable[[Array], Array],
-) -> Array:
-    """Columns (m, k) of all that may be wrong on an axis beside a rotor."""
+def _anywhere(flight: Flight) -> list[Array]:
+    """What may be wrong on every axis beside a rotor, (n,) each: constant, trend, flow, rates."""
     run = np.linspace(-1.0, 1.0, len(flight.time))
     ahead = flight["V"] * np.cos(flight["beta"])
     flow = (
         ahead * np.cos(flight["alpha"]), flight["V"] * np.sin(flight["beta"]),
         ahead * np.sin(flight["alpha"]),
     )  # fmt: skip
-    columns = [np.ones_like(run), run, predicted[axis], run * predicted[axis], *flow]
-    columns += [flight[name] for name in "pqr"]
-    columns += [measured["CZ"]] if axis != "CZ" else []
-    return np.column_stack([banded(column) for column in columns])
+    return [np.ones_like(run), run, *flow, *(flight[name] for name in "pqr")]
+
+
+def _on_axis(
+    flight: Flight, axis: str, measured: Mapping[str, Array], predicted: Mapping[str, Array]
+) -> list[Array]:
+    """What may be wrong on one axis, (n,) each: the whole and its trend, and the force along z."""
+    run = np.linspace(-1.0, 1.0, len(flight.time))
+    own = [predicted[axis], run * predicted[axis]]
+    return [*own, measured["CZ"]] if axis != "CZ" else own
 
 
 def _beyond(free: Array, values: Array) -> Array:
