@@ -60,7 +60,7 @@ class WakeEncounter:
         vortices the air sinks.
     pair : the most likely one; its place is relative to the start of the path.
     errors : standard error of circulation, core_radius, spacing, right, below, heading and slope,
-        SI; `right` and `below` are of the axis across itself.
+        SI, NaN for what the air does not tell; `right` and `below` are of the axis across itself.
     nearest : least distance of the path from a vortex [m].
     core : which is named; empty where neither is. rival : gain of log-likelihood over the other.
     wind : north, east, down [m/s].
@@ -168,6 +168,9 @@ def identify_wake(
     if not named:  # the cores have radii of their own
         apart = max(abs(each.pair.core_radius - pair.core_radius) for each in fits)
         errors["core_radius"] = float(np.hypot(errors["core_radius"], apart))
+    if pair.core_radius > 0.5 * pair.spacing:
+        # Cores that overlap are a dipole, of which the air tells G times the spacing alone.
+        errors["circulation"] = errors["spacing"] = np.nan
     return WakeEncounter(
         found=gain > needed and pair.circulation > 0.0,
         gain=gain,
