@@ -14,10 +14,10 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 20,
     "import": 3,
     "fly": 8,
-    "estimate": 26,
-    "update": 36,
+    "estimate": 27,
+    "update": 37,
     "gram": 22,
-    "close_loop": 74,
+    "close_loop": 75,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

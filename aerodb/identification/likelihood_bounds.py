@@ -12,9 +12,9 @@ Murphy & van der Vaart, On profile likelihood, Journal of the American Statistic
 95(450), 2000.
 """
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any, Final
 
 import numpy as np
@@ -33,8 +33,12 @@ _FLAT: Final = 1.0
 #: Loss of log-likelihood at the ends of an interval of 95 %: half of chi-squared of one degree of
 #: freedom.
 _EXCLUDED: Final = 1.92
-#: Halvings of the interval in which an end is searched: it is then outside by up to the
-#: fourth root of what it spans.
+#: First step towards an end where there is no standard error, over the way to the bound.
+_FIRST: Final = 1.0 / 16.0
+#: Distance from the best value within which an end is known, as a share of it: steps are doubled.
+_WITHIN: Final = 0.5
+#: Halvings at most of the interval in which an end is searched, where the first step is too far or
+#: the bound is excluded.
 _HALVINGS: Final = 2
 #: Values that are tried where a parameter has no bounds, over the best one.
 _FAR: Final = 10.0
@@ -65,9 +69,9 @@ def with_bounds(
             continue
         item = model.parameters[name]
         possible = list[Fit]()
-        loss = partial(_loss, function, model, records, fit, item, possible)
+        loss = cache(partial(_loss, function, model, records, [fit], item, possible))
+        error = each.standard_error
         if each.standing == "estimated":
-            error = each.standard_error
             if error <= _KNOWN * abs(each.value):
                 continue
             around = (each.value - 2.0 * error, each.value + 2.0 * error)
@@ -75,11 +79,13 @@ def with_bounds(
                 loss(end) > _FLAT for end in around if item.lower < end < item.upper
             ):
                 continue
-        loose[name] = (_end(loss, each.value, item.lower), _end(loss, each.value, item.upper))
+        ends = (_end(loss, each.value, bound, 2.0 * error) for bound in (item.lower, item.upper))
+        loose[name] = (next(ends), next(ends))
         allowed[name] = possible
     if not loose:
         return fit
-    held = _held(model, fit, {n: _inside(model.parameters[n].value, loose[n]) for n in loose})
+    values = {n: float(np.clip(model.parameters[n].value, *loose[n])) for n in loose}
+    held = _held(model, _values(fit), values)
     again = function(held, records)
     if not again.converged:
         again = fit
@@ -105,15 +111,32 @@ def _loss(
     function: Callable[..., Fit],
     model: Any,
     records: Sequence[TimeHistory],
-    fit: Fit,
+    fits: list[Fit],
     item: Parameter,
     possible: list[Fit],
     value: float,
 ) -> float:
     """Log-likelihood lost where a parameter has this value and the others are fitted again. A fit
-    that is not excluded is added to the possible ones."""
-    again = function(_held(model, fit, {item.name: value}), records)
-    lost = fit.log_likelihood - again.log_likelihood if again.converged else np.inf
+    that is not excluded is added to the possible ones.
+
+    fits : the best one, then those with other values, to which this one is added. The search
+    begins at the nearest of them, and goes along the ridge of the best one.
+    """
+    best = fits[0]
+    nearest = min(fits, key=lambda each: abs(each[item.name].value - value))
+    begun = _values(nearest)
+    at = best.names.index(item.name)
+    if best.covariance[at, at] > 0.0:
+        along = best.covariance[at] / best.covariance[at, at]
+        away = value - begun[item.name]
+        for name, slope in zip(best.names, along.tolist(), strict=True):
+            if name in begun and np.isfinite(slope):
+                begun[name] += slope * away
+    again = function(_held(model, begun, {item.name: value}), records)
+    if not again.converged:
+        return np.inf
+    fits.append(again)
+    lost = best.log_likelihood - again.log_likelihood
     if lost < _EXCLUDED:
         possible.append(again)
     return lost
@@ -149,31 +172,48 @@ def _with_spread(fit: Fit, joint: Fit, possible: Iterable[Sequence[Fit]]) -> Fit
     )
 
 
-def _held(model: Any, fit: Fit, values: dict[str, float]) -> Any:
-    """The model with some parameters held, and the others beginning at the fit's."""
-    found = {e.name: e.value for e in fit.estimates if np.isfinite(e.value)} | values
+def _values(fit: Fit) -> dict[str, float]:
+    return {each.name: each.value for each in fit.estimates if np.isfinite(each.value)}
+
+
+def _held(model: Any, begun: Mapping[str, float], values: Mapping[str, float]) -> Any:
+    """The model with some parameters held, and the others beginning elsewhere."""
+    found = {**begun, **values}
     return replace(
         model,
         parameters=Parameters(
             tuple(
-                replace(item, value=float(found.get(item.name, item.value)),
-                        free=item.free and item.name not in values)
+                replace(
+                    item,
+                    value=float(np.clip(found.get(item.name, item.value), item.lower, item.upper)),
+                    free=item.free and item.name not in values,
+                )
                 for item in model.parameters.items
             )
         ),
-    )  # fmt: skip
+    )
 
 
-def _end(loss: Callable[[float], float], best: float, bound: float) -> float:
-    """The end of the interval towards a bound: the bound itself where it is not excluded."""
+def _end(loss: Callable[[float], float], best: float, bound: float, step: float) -> float:
+    """The end of the interval towards a bound: the bound itself where it is not excluded.
+
+    step : that is tried first; it is doubled until a value is excluded.
+    """
     if best == bound:
         return bound
     if not np.isfinite(bound):
         bound = best + np.copysign(_FAR * abs(best), bound)
-    if loss(bound) < _EXCLUDED:
-        return bound
-    inside, outside = best, bound
+    way = bound - best
+    share = step / abs(way) if step > 0.0 else _FIRST
+    inside, outside = best, best + min(share, 1.0) * way
+    while loss(outside) < _EXCLUDED:
+        if share >= 1.0:
+            return bound
+        share *= 2.0
+        inside, outside = outside, best + min(share, 1.0) * way
     for _ in range(_HALVINGS):
+        if outside != bound and abs(outside - inside) <= _WITHIN * abs(outside - best):
+            break
         middle = _between(inside, outside)
         inside, outside = (middle, outside) if loss(middle) < _EXCLUDED else (inside, middle)
     return outside
@@ -184,10 +224,6 @@ def _between(inside: float, outside: float) -> float:
     if inside * outside > 0.0:
         return float(np.copysign(np.sqrt(inside * outside), inside))
     return 0.5 * (inside + outside)
-
-
-def _inside(value: float, interval: tuple[float, float]) -> float:
-    return float(np.clip(value, *interval))
 
 
 def _reason(item: Parameter, low: float, high: float) -> str:

@@ -110,7 +110,7 @@ class _Search:
         self.notes: dict[str, str] = {}
         self.votes: dict[tuple[Any, ...], tuple[Vote, ...]] = {}
         alone = roll_fit(function, rolls, (), database)
-        self.start = {e.name: e.value for e in alone.estimates if np.isfinite(e.value)}
+        self.start = _found(alone)
 
     def run(self) -> RollSearch:
         """Search until nothing is left that differs; see `search_rolls`."""
@@ -143,7 +143,8 @@ class _Search:
         )
 
     def _fitted(self, names: Sequence[str]) -> Fit:
-        return roll_fit(self.function, self.rolls, names, self.database, self.start)
+        start = self.start if self.joint is None else _found(self.joint)
+        return roll_fit(self.function, self.rolls, names, self.database, start)
 
     def _bounded(self, name: str, fit: Fit) -> Fit:
         names = (*self.taken, name)
@@ -207,7 +208,7 @@ class _Search:
 
     def _voted(self, name: str, held: Mapping[str, float], fit: Fit) -> tuple[Vote, ...]:
         # From what all rolls found: beside a database that is far off, a search may not end.
-        start = {e.name: e.value for e in fit.estimates if np.isfinite(e.value)}
+        start = _found(fit)
         votes = []
         for flight in dict.fromkeys(self.rolls.flights[r.name] for r in self.rolls.records):
             alone = self.rolls.of([flight])
@@ -298,6 +299,10 @@ class _Sized:
     votes: tuple[Vote, ...]
     wider: float
     words: str
+
+
+def _found(fit: Fit) -> dict[str, float]:
+    return {each.name: each.value for each in fit.estimates if np.isfinite(each.value)}
 
 
 def _id(name: str) -> str:

@@ -4,11 +4,12 @@ claimed where the database is right."""
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
-from aerodb.estimation import output_error
+from aerodb.estimation import Fit, output_error
 from aerodb.exchange.native import read_native
 from aerodb.flight import Flight
 from aerodb.identification import RolledFlight, leg_parameters, recorded_rolls
@@ -73,23 +74,36 @@ def test_brakes_that_are_wrong_are_found_and_nothing_else() -> None:
 
 
 @pytest.mark.heavy
-def test_each_flight_votes_although_the_database_is_far_off() -> None:
+@pytest.mark.parametrize(("seed", "share", "most"), [(1009, 0.8, 220), (1002, 1.2, 130)])
+def test_each_flight_votes_although_the_database_is_far_off(
+    seed: int, share: float, most: int
+) -> None:
     """Brakes of 80 %: from the wind that such a database finds, the search over one of these rolls
-    does not end, and what two flights show was that of one."""
+    does not end, and what two flights show was that of one. Of 120 %: the side force hardly acts.
+    Searches that begin where another ended take few steps: 258 and 207 from afar."""
     pytest.importorskip("jsbsim")
-    off = read_native(RIGHT.replace("mu_brake = { value = 0.22", "mu_brake = { value = 0.176"))
-    assert off.parameters["mu_brake"] == 0.176
-    flights = []
-    for seed, drawn in enumerate(conditions(1009), 2018):
-        channels = measured(standing(rolled_in_jsbsim(0.22, height=LEVEL, **drawn)), seed)
+    believed = f"mu_brake = {{ value = {share * 0.22:.4g}"
+    off = read_native(RIGHT.replace("mu_brake = { value = 0.22", believed))
+    assert off.parameters["mu_brake"] == pytest.approx(share * 0.22)
+    flights, fits = [], list[Fit]()
+    for number, drawn in enumerate(conditions(seed), 2 * seed):
+        channels = measured(standing(rolled_in_jsbsim(0.22, height=LEVEL, **drawn)), number)
         held = {name: values for name, values in channels.items() if name != "time"}
-        flight = Flight(f"roll-{seed}", "wheels", channels["time"] - channels["time"][0], held)
+        flight = Flight(f"roll-{number}", "wheels", channels["time"] - channels["time"][0], held)
         flights.append(RolledFlight(flight, WHEELS, flight.id))
     wide = with_air_drag(off)
     rolls = recorded_rolls(flights, wide)
-    found = search_rolls(output_error, rolls, leg_parameters(off), wide, Accept())
+
+    def counted(*given: Any) -> Fit:
+        fits.append(output_error(*given))
+        return fits[-1]
+
+    found = search_rolls(counted, rolls, leg_parameters(off), wide, Accept())
     assert found.taken == ("mu_brake",)
     assert len(found.findings[0].votes) == 2
+    assert sum(fit.iterations for fit in fits) < most
+    beside = [fit for fit in fits if "mu_brake" in fit.names and "mu_side" not in fit.names]
+    assert all(fit.converged for fit in beside)
 
 
 def test_one_roll_only_raises_a_suspicion() -> None:
