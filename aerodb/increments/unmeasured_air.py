@@ -51,24 +51,24 @@ def air_covariance(
     columns = [each.over(chosen)[0] for each, chosen in parts]
     gain = np.linalg.pinv(sum((x.T @ x for x in columns), total), hermitian=True)
     for flight, comparison in blind.items():
-        own = [
-            (each, chosen, gain @ x.T)
-            for (each, chosen), x in zip(parts, columns, strict=True)
-            if each.comparison.flight == flight
-        ]
+        own: dict[str, tuple[ParameterSamples, list[tuple[Mask | slice, Array]]]] = {}
+        for (each, chosen), x in zip(parts, columns, strict=True):
+            if each.comparison.flight == flight:
+                own.setdefault(each.axis, (each, []))[1].append((chosen, gain @ x.T))
         flow = _flow(comparison)
         unknown = 1.0 / np.sqrt(3.0)  # of a correlation that is even between -1 and 1
+        left = {axis: _slow(each) for axis, (each, _) in own.items()}
         for component, slopes in enumerate(_slopes(comparison, present)):
-            size = _largest([each for each, *_ in own], slopes)
+            size = _largest({axis: each for axis, (each, _) in own.items()}, left, slopes)
             motion = flow[component] / (rms(flow[component]) or 1.0)
             for share, shape in ((1.0, np.ones_like(motion)), (unknown, motion)):
                 moved = np.zeros(count)
-                for each, chosen, gained in own:
-                    change = as_compared(
-                        each.axis, share * size * slopes[each.axis] * shape, comparison
-                    )[chosen]
-                    change = change - change.mean() if each.centred else change
-                    moved += gained @ np.nan_to_num(change) / each.size
+                for axis, (each, runs) in own.items():
+                    made = share * size / each.size * slopes[axis]
+                    change = np.nan_to_num(as_compared(axis, made * shape, comparison))
+                    for chosen, gained in runs:
+                        here = change[chosen]
+                        moved += gained @ (here - here.mean() if each.centred else here)
                 total += np.outer(moved, moved)
     return total
 
@@ -112,15 +112,20 @@ def _slopes(comparison: Comparison, present: AeroDatabase) -> Sequence[Mapping[s
     return found
 
 
-def _largest(samples: "Sequence[ParameterSamples]", slopes: Mapping[str, Array]) -> float:
+def _slow(samples: "ParameterSamples") -> float:
+    """What is left on an axis where a vehicle follows the air, rms."""
+    step = float(np.median(np.diff(samples.comparison.time)))
+    left, good = samples.residual, samples.good
+    left = left - (left[good].mean() if samples.centred else 0.0)
+    return rms(low_passed(np.where(good, left, np.nan), step, _FOLLOWS)[good])
+
+
+def _largest(
+    samples: "Mapping[str, ParameterSamples]",
+    left: Mapping[str, float],
+    slopes: Mapping[str, Array],
+) -> float:
     """The largest air [m/s, rms] that all axes allow: what is left on them is not less than what it
     makes there."""
-    sizes = []
-    for each in samples:
-        step = float(np.median(np.diff(each.comparison.time)))
-        left = each.residual - (each.residual[each.good].mean() if each.centred else 0.0)
-        slow = low_passed(np.where(each.good, left, np.nan), step, _FOLLOWS)
-        made = rms(slopes[each.axis][each.good])
-        if made > 0.0:
-            sizes.append(rms(slow[each.good]) / made)
-    return float(min(sizes, default=0.0))
+    made = {axis: rms(slopes[axis][each.good]) for axis, each in samples.items()}
+    return min((left[axis] / size for axis, size in made.items() if size > 0.0), default=0.0)
