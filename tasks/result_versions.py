@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 10,
-    "conditioning": 31,
+    "conditioning": 32,
     "consistency": 29,
     "coefficients": 5,
     "compare": 20,

@@ -202,6 +202,9 @@ def drift(flight: Flight) -> Drift | None:
     least = SENSORS.get(best.name, np.inf)
     if best.name == "V":
         least *= float(np.nanmedian(flight["V"]))
+        # A closed tube lacks all of it, and no more. On the ground, height tells nothing.
+        if abs(best.size) > float(np.nanmax(flight["V"])):
+            return None
     needed = likelihood_gain(CLAIM) + max(rival, np.log(2 * count * len(found)))
     if abs(best.size) < least or best.gain(samples) < needed:
         return None

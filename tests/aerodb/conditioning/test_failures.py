@@ -9,7 +9,9 @@ from aerodb.conditioning import failures, flag_unusable, segments
 from aerodb.flight import Flight
 from aerodb.suspicions import examine
 from aerodb.suspicions.failed import failed_suspicions
+from tests.campaigns.rolls import LEVEL, TRUE, conditions, standing
 from tests.support.kinematic_flights import GRAVITY
+from tests.support.three_wheels import measured, rolled_in_jsbsim
 
 STEP = 0.02
 
@@ -249,3 +251,16 @@ def test_an_empty_and_a_short_flight_have_none() -> None:
     assert failures(straight(seconds=0.5)) == ()
     time = STEP * np.arange(50)
     assert failures(flag_unusable(Flight("a", "any", time, {"q": 0.0 * time}))) == ()
+
+
+@pytest.mark.parametrize(("seed", "number"), [(1001, 0), (1001, 1), (1002, 0)])
+def test_a_right_roll_on_the_ground_has_none_and_is_on_the_ground(seed: int, number: int) -> None:
+    """Noise of the height accused the airspeed of the first by 101 m/s, where 53 m/s were shown."""
+    pytest.importorskip("jsbsim")
+    drawn = conditions(seed)[number]
+    rolled = standing(rolled_in_jsbsim(TRUE["mu_brake"], height=LEVEL, **drawn))
+    channels = measured(rolled, 2 * seed + number)
+    time = channels.pop("time")
+    flight = flag_unusable(Flight("roll", "wheels", time - time[0], channels))
+    assert failures(flight) == ()
+    assert {each.kind for each in segments(flight)} == {"on_ground"}
