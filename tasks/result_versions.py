@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 32,
     "consistency": 29,
     "coefficients": 5,
-    "compare": 20,
+    "compare": 21,
     "import": 3,
     "fly": 8,
     "estimate": 27,

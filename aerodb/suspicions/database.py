@@ -101,8 +101,10 @@ def against_database(
         surfaces += _standing(flight, axes, fits)
     area = database.reference.area
     pushed = thrust_beside(flight, vehicle, area, measured, predicted, usable)
-    # Air that no sensor measures moves the vehicle, and its controls answer: dampings seem small.
-    untold = lift or surfaces or "V" in flight.estimated
+    # Air that no sensor measures moves the vehicle, and its controls answer: dampings seem small,
+    # and change as gusts do.
+    unmeasured = "V" in flight.estimated
+    untold = lift or surfaces or unmeasured
     shared = [] if untold else _shared(axes, fits, bool(database.parts))
     if not (lift or surfaces or shared):
         moments = _known(axes, fits)
@@ -113,7 +115,9 @@ def against_database(
     if not (lift or jumps):
         slopes = {axis: each.slopes for axis, each in axes.items()}
         alone = not (surfaces or shared)
-        changing = faults_in_time(flight, vehicle, slopes, measured, predicted, usable, alone)
+        changing = []
+        if not unmeasured:
+            changing = faults_in_time(flight, vehicle, slopes, measured, predicted, usable, alone)
         constant = {each.channel for each in (*surfaces, *shared)}
         # What changes with time makes constants wrong; no constant looks like it on all axes. Of
         # one channel, a constant has the better size.

@@ -20,7 +20,7 @@ from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import is_surface
 from aerodb.signals import runs
-from aerodb.support import HALF, NEARLY_ALL, Array
+from aerodb.support import HALF, NEARLY_ALL, NOTABLE, Array
 from aerodb.suspicions.angles import off_motion
 from aerodb.suspicions.changing import CHANGED, LOUDER, MISSED
 from aerodb.suspicions.equation_error import RATE_OF, averaged
@@ -55,6 +55,12 @@ ALIKE: Final = HALF
 STEEP: Final = float(np.deg2rad(30.0))
 #: Part of a flight that is most of it.
 MOST_OF: Final = NEARLY_ALL
+#: Longest time in which an aircraft crosses the wake of another, or a gust [s]; it goes along none
+#: for longer unless it means to.
+CROSSED: Final = 5.0
+#: Least share of what a fault leaves that falls into such a time, and of what it explains that is
+#: left there, for air to look like the fault.
+UNEXPLAINED: Final = HALF
 #: Motion and speed on which an error of a database may depend, as they are and squared.
 STATES: Final = ("alpha", "beta", "V", "mach", "p", "q", "r", "thrust")
 _ANGLE_OF: Final = {"CY": "beta", "CZ": "alpha"}
@@ -219,7 +225,33 @@ def _likeliest(
     change = -best.size if turned else best.size
     evidence = {"change": change, "standard_error": best.error, "likelier": best.likelier}
     kind = MOVED if best.what == "zero" else CHANGED
-    return [Suspicion(best.channel, kind, _words(best, list(near.values())[1:]), evidence)]
+    words = _words(best, list(near.values())[1:])
+    axis = best.axes[0]
+    if (air := _crossed(axes[axis], best.size * best.columns[axis], t)) is not None:
+        evidence |= {"air_from": air[0], "air_until": air[1]}
+        words += (
+            f". Most that it leaves of {axis} falls between {air[0]:.1f} and {air[1]:.1f} s. Air"
+            " that only a part of the aircraft met, such as a wake, would do that (aerodb flight"
+            " wake)"
+        )
+    return [Suspicion(best.channel, kind, words, evidence)]
+
+
+def _crossed(axis: Axis, fault: Array, t: Array) -> tuple[float, float] | None:
+    """When air that no channel shows may have acted on an axis [s]; None where a fault (m,), as a
+    coefficient, leaves little, or no more in a short time than in others.
+
+    Wings and tail that are in other air than the vanes have loads of their own, which no fault of a
+    channel makes on all of it.
+    """
+    rest = axis.left - axis.own(fault)
+    longest = max(1, min(round(CROSSED / STEP), round(NOTABLE * len(t))))
+    within = np.convolve(rest * rest, np.ones(longest), "valid")
+    at = int(np.argmax(within))
+    explained = float(axis.left @ axis.left - rest @ rest)
+    if not (explained > 0.0 and within[at] > UNEXPLAINED * max(float(rest @ rest), explained)):
+        return None
+    return float(t[at]), float(t[at + longest - 1])
 
 
 def _large(

@@ -1,6 +1,7 @@
-"""A weak rotor is named when its flight is ingested, and none in a sound flight: one of each.
+"""A weak rotor is named when its flight is ingested, and none in a sound flight.
 
-The sound flight is one whose gusts made all dampings seem small, as if its inertia were wrong.
+Of the sound flights, gusts made all dampings of one seem small, as if its inertia were wrong. In the
+other the effect of sideslip seemed to change with time.
 """
 
 from pathlib import Path
@@ -22,11 +23,12 @@ def test_conditions_differ_by_seed() -> None:
 
 
 def test_a_weak_rotor_is_named_and_no_sound_one(prepared_in: tuple[Path, Path]) -> None:
-    weak, sound = said(*prepared_in, 1, True), said(*prepared_in, 1041, False)
+    weak = said(*prepared_in, 1, True)
+    sound = [said(*prepared_in, seed, False)["named"] for seed in (1041, 1002)]
     ((channel, kind, share),) = weak["named"]
     assert (channel, kind) == (f"rotor_{WEAK}", "thrust")
     assert share == pytest.approx(SHARE - 1.0, abs=0.04)
-    assert sound["named"] == []
+    assert sound == [[], []]
 
 
 def test_a_rotor_that_is_not_the_weak_one_counts_as_wrong() -> None:

@@ -74,7 +74,7 @@ def crossing(circulation: float, core: float, seed: int) -> dict[str, Array]:
 
 
 @pytest.fixture(scope="module")
-def flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
+def ingested(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[dict[str, Any]]]:
     folder = tmp_path_factory.mktemp("wake")
     boom = VEHICLE.replace("air_data = [-2.0,", f"air_data = [{BOOM - 2.0},")
     (folder / "vehicle.toml").write_text(boom, encoding="utf-8")
@@ -88,8 +88,26 @@ def flights(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, list[str]]:
         file.write_text(text.replace("throttle [1]", "throttle [-]"), encoding="utf-8")
         logs.append(str(file))
     given = ("--vehicle", "light-aircraft", "--mapping", "canonical", "--direct")
-    outcomes = asked(folder / "w", "flight", "ingest", *logs, *given)
-    return folder / "w", [outcome["flight"] for outcome in outcomes]
+    return folder / "w", asked(folder / "w", "flight", "ingest", *logs, *given)
+
+
+@pytest.fixture(scope="module")
+def flights(ingested: tuple[Path, list[dict[str, Any]]]) -> tuple[Path, list[str]]:
+    workspace, outcomes = ingested
+    return workspace, [outcome["flight"] for outcome in outcomes]
+
+
+def test_a_wake_is_a_rival_of_a_channel_that_seems_to_change(
+    ingested: tuple[Path, list[dict[str, Any]]],
+) -> None:
+    """The boom crosses its axis 15 s after the begin; wings and tail are in other air by then."""
+    *crossed, alone = ingested[1]
+    for outcome in crossed:
+        (said,) = outcome["comparison"]["suspicions"]
+        assert said["kind"] == "changed"
+        assert said["evidence"]["air_from"] < 15.0 < said["evidence"]["air_until"]
+        assert "aerodb flight wake" in said["sentence"]
+    assert not alone["comparison"]["suspicions"]
 
 
 def test_circulation_and_core_of_each_encounter_and_their_trend(

@@ -81,6 +81,7 @@ def test_a_surface_that_is_wrong_for_a_stretch_is_told_with_both_times(flight: P
 
     (said,) = noticed_beside(changed(flight, "pitch", turned))
     assert (said.channel, said.kind) == ("delta_elevator", "changed")
+    assert "air_from" not in said.evidence, "the fault leaves nothing that air would explain"
     begin, end = (flight.flight.duration * share for share in (0.35, 0.65))
     told = re.search(r"from ([\d.]+) to ([\d.]+) s", said.sentence)
     assert told
