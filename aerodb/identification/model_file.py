@@ -22,7 +22,8 @@ unknown, `own` the parameters that every record has of its own. ``late_inputs = 
 and ``late_outputs = ["p"]`` make delays unknown: parameters ``delay_<name>``, in s, which a
 ``[[parameter]]`` may start elsewhere, fix or bound. ``random_walk`` of a ``[[parameter]]`` lets it
 change with time, by its standard deviation per root of a second, where `ekf` or `ukf` estimate it.
-`estimated` names outputs that no sensor measured but an estimator on board made.
+`estimated` names outputs that no sensor measured but an estimator on board made. ``feedback = { q =
+{ q = 3.0 } }`` stabilises output error: state, output and gain of its rate (`stabilised`).
 
 Of files without a vehicle, ``[columns]`` says which column is what: ``p = "roll_rate [deg/s]"``,
 ``time = "t [ms]"`` (`aerodb.logs.find_columns`).
@@ -49,6 +50,7 @@ from aerodb.estimation import (
     dependent,
     has_start_values,
     input_correlations,
+    stabilised,
     state_space,
     with_delays,
     with_start_values,
@@ -97,6 +99,7 @@ class StateSpaceTable(Strict):
     late_outputs: list[str] = []
     own: list[str] = []
     estimated: list[str] = []
+    feedback: dict[str, dict[str, float]] = {}
 
 
 class ParameterTable(Strict):
@@ -175,6 +178,24 @@ class StateSpaceFile(Strict):
         )
         return with_delays(model, table.late_inputs, table.late_outputs) if delays else model
 
+    def fed_back(self, model: StateSpace | DelayedStateSpace) -> StateSpace | DelayedStateSpace:
+        """Return `model` with the feedback of measured outputs that the file states [SI per SI], as
+        it is where there is none.
+
+        Raises InputError for names that are not in the model, and beside unknown delays.
+        """
+        gains = {
+            (state, output): gain
+            for state, each in self.state_space.feedback.items()
+            for output, gain in each.items()
+        }
+        if not gains:
+            return model
+        if isinstance(model, DelayedStateSpace):
+            what = "feedback stands beside unknown delays"
+            raise InputError(what, "state space", "leave one of the two out")
+        return stabilised(model, gains)
+
 
 def declares_state_space(text: str | Mapping[str, Any], where: str = "model file") -> bool:
     """Return whether a model file (TOML) declares a linear model, not increments.
@@ -200,7 +221,7 @@ def parse_state_space(text: str | Mapping[str, Any], where: str = "model file") 
     """
     data = parsed_toml(text, where) if isinstance(text, str) else text
     file = validated(StateSpaceFile, data, where)
-    file.model([_ANY])
+    file.fed_back(file.model([_ANY]))
     return file
 
 
@@ -237,12 +258,19 @@ def _fitted(method: Method, records: Sequence[TimeHistory], file: StateSpaceFile
                 "it solves equations without delays", method.name, "use output-error for a delay"
             )
         return equation_error_fit(method, model, records)
-    if method.name != "output-error" and not has_start_values(model):  # which sees to it itself
+    fed_back = method.name == "output-error" and bool(file.state_space.feedback)
+    sees_to_it = method.name == "output-error" and not fed_back
+    if not sees_to_it and not has_start_values(model):
         try:
             model = with_start_values(model, records)
             notes = [FROM_SUBSPACE]
         except InputError as error:
             notes = [f"The search began at zero: {error.what}."]
+    if fed_back:
+        model = file.fed_back(model)
+        notes.append(
+            "Measured outputs are fed back, as the file states: an unstable motion stays bounded."
+        )
     fit: Fit = method.load()(model, records)
     return replace(fit, notes=(*fit.notes, *(note for note in notes if note not in fit.notes)))
 

@@ -150,7 +150,7 @@ def list_flights(
 #: What a verdict means for who reads a list.
 _MEANINGS: Final = {
     "limited": "it is used, with reservations",
-    "rejected": "it is kept, and nothing is learnt from it",
+    "rejected": "it is kept, and nothing in the air is learnt from it",
 }
 
 

@@ -12,6 +12,7 @@ from scipy.io import savemat
 from aerodb.tasks.actors import user
 from aerodb.tasks.provenance import code_version
 from tests.support.command import aerodb, asked
+from tests.support.unstable_aircraft import TRUTH, piloted_flight
 
 ROLL = """
 [state_space]
@@ -141,6 +142,45 @@ def test_a_dutch_roll_whose_sideslip_is_not_measured_from_records_of_two_rates(t
     assert facts["Program"] == f"aerodb {code_version()}"
     assert facts["Files"] == ", ".join(str(tmp_path / f"run{number}.csv") for number in (0, 1))
     assert "taken in rad" in tree.text_content()
+
+
+SHORT_PERIOD = """
+[state_space]
+states = ["alpha", "q"]
+inputs = ["de"]
+outputs = ["alpha", "q", "az"]
+a = [["Z_alpha", 1], ["M_alpha", "M_q"]]
+b = [["Z_de"], ["M_de"]]
+c = [[1, 0], [0, 1], ["60*Z_alpha", 0]]
+d = [[0], [0], ["60*Z_de"]]
+initial = ["alpha", "q"]
+"""
+FED_BACK = "feedback = { alpha = { alpha = 3.0 }, q = { q = 3.0 } }\n"
+
+
+def test_an_unstable_motion_is_estimated_with_feedback_of_what_is_measured(tmp_path) -> None:
+    record = piloted_flight(np.random.default_rng(5))
+    file = written(
+        tmp_path / "piloted.csv", "time [s],de [rad],alpha [rad],q [rad/s],az [m/s^2]",
+        record.time, record.inputs["de"], *record.outputs.values(),
+    )  # fmt: skip
+    rng = np.random.default_rng(6)
+    starts = "".join(
+        f'[[parameter]]\nname = "{name}"\nvalue = {value * (1.0 + 0.3 * rng.standard_normal())}\n'
+        for name, value in TRUTH.items()
+    )
+    given = ("estimate", "--record", file, "--method", "output-error", "--model")
+    plain = asked(tmp_path / "w", *given, model(tmp_path, SHORT_PERIOD + starts))["methods"][0]
+    assert {each["standing"] for each in plain["estimates"]} == {"diverged"}
+    stable = asked(tmp_path / "w", *given, model(tmp_path, SHORT_PERIOD + FED_BACK + starts))
+    found = {each["name"]: each for each in stable["methods"][0]["estimates"]}
+    for name, value in TRUTH.items():
+        assert abs(found[name]["value"] - value) < 2.0 * found[name]["standard_error"]
+    assert any("fed back" in note for note in stable["methods"][0]["notes"])
+    wrong = FED_BACK.replace("q = { q", "q = { beta")
+    refused = aerodb(tmp_path / "w", *given, model(tmp_path, SHORT_PERIOD + wrong + starts))
+    assert refused.returncode == 3
+    assert "the model has no 'beta'" in refused.stderr
 
 
 def test_numbered_columns_in_milliseconds_with_a_gap_and_rounded_stamps(tmp_path) -> None:
