@@ -75,9 +75,10 @@ def recalibrated(probe: AirData, values: Mapping[str, float]) -> AirData:
 
 def _curve(declared: Curve, name: str, values: Mapping[str, float]) -> Curve:
     gain = 1.0 + values.get(f"{name}_slope", 0.0)
-    parts = ("offset", "square", "cross", "bend")
     shape = {
-        part: (getattr(declared, part) + values.get(f"{name}_{part}", 0.0)) / gain for part in parts
+        part: (value + values.get(f"{name}_{part.removesuffix('_below')}", 0.0)) / gain
+        for part in ("offset", "square", "across", "cross", "bend", "bend_below")
+        if (value := getattr(declared, part)) is not None
     }
     return declared.model_copy(update={"slope": declared.slope * gain, **shape})
 

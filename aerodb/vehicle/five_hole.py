@@ -1,8 +1,8 @@
 """Flow angles from the raw pressure differences of a five-hole probe.
 
-The calibration is ``dp / q = K (x + offset + square x^2 + cross y^2 + bend dead_zone(x))`` with x
-the flow angle of that pair of holes, y the other flow angle, q the dynamic pressure and
-``dead_zone(x)`` the part of x beyond +-`break_angle`. K = `slope` alone is the usual
+The calibration is ``dp / q = K (x + offset + square x^2 + across y + cross y^2 + bend
+dead_zone(x))`` with x the flow angle of that pair of holes, y the other flow angle, q the dynamic
+pressure and ``dead_zone(x)`` the part of x beyond +-`break_angle`. K = `slope` alone is the usual
 ``x = dp / (K q)``; the Phoenix flight tests found it too coarse, and alpha to depend on the
 sideslip ("Data Analysis of Phoenix Reusable Launch Vehicle Demonstrator Flight Test", section III;
 see docs/method/tracing.md, "References").
@@ -23,15 +23,18 @@ _TOLERANCE = 1e-9
 class Curve(Strict):
     """Calibration of one pair of holes.
 
-    slope : K, per rad. offset : rad. square, cross : coefficients of x^2 and y^2, per rad. bend :
-    relative change of the slope beyond +-`break_angle` [rad].
+    slope : K, per rad. offset : rad. square, cross : coefficients of x^2 and y^2, per rad. across :
+    of y. bend : relative change of the slope beyond +-`break_angle` [rad]; bend_below : below the
+    lower one, where it is another.
     """
 
     slope: Number = Field(gt=0)
     offset: Radians = 0.0
     square: Number = 0.0
     cross: Number = 0.0
+    across: Number = 0.0
     bend: Number = Field(default=0.0, gt=-1)
+    bend_below: Number | None = Field(default=None, gt=-1)
     break_angle: Radians = Field(default=0.0, ge=0)
 
 
@@ -84,10 +87,12 @@ def pressure_ratio(x: Dual, y: Dual, curve: Curve) -> Dual:
 
     Values are (n,) or scalar; the ratio [rad] is an angle in the linear case.
     """
+    below = curve.bend if curve.bend_below is None else curve.bend_below
     return (
         x
         + curve.offset
         + x * x * curve.square
+        + y * curve.across
         + y * y * curve.cross
-        + dead_zone(x, curve.break_angle) * curve.bend
+        + dead_zone(x, curve.break_angle) * np.where(x.value < 0.0, below, curve.bend)
     )

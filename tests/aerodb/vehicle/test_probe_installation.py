@@ -85,6 +85,29 @@ def test_pressures_give_the_angles_that_made_them():
     assert np.isnan(lost).all()
 
 
+def test_phoenix_calibration_and_errors_that_differ_to_either_side():
+    """alpha = p_da / (K qc) + korr p_db / qc + offset, as DLR's probe of Phoenix was calibrated; and
+    straight pieces with one slope above, another below."""
+    rng = np.random.default_rng(3)
+    p_da, p_db = rng.uniform(-600.0, 900.0, (2, 200))
+    qc, gain, other, korr, offset = np.full(200, 1800.0), 4.4, 4.1, 0.012, 0.008
+    probe = FiveHole(
+        alpha=Curve(slope=gain, across=-korr * other, offset=-offset), beta=Curve(slope=other)
+    )
+    alpha, beta = flow_angles(p_da, p_db, qc, probe)
+    np.testing.assert_allclose(alpha, p_da / (gain * qc) + korr * p_db / qc + offset, atol=1e-9)
+    np.testing.assert_allclose(beta, p_db / (other * qc), atol=1e-9)
+
+    x = np.linspace(-0.3, 0.3, 101)
+    above, below = np.maximum(x - 0.1, 0.0), np.minimum(x + 0.1, 0.0)
+    bent = Curve(slope=gain, bend=0.2, bend_below=-0.15, break_angle=0.1)
+    plain = FiveHole(alpha=bent, beta=Curve(slope=other))
+    shown = 1800.0 * gain * (x + 0.2 * above - 0.15 * below)
+    np.testing.assert_allclose(
+        flow_angles(shown, 0.0 * x, np.full(101, 1800.0), plain)[0], x, atol=1e-9
+    )
+
+
 def test_a_boom_mounted_askew_with_upwash_and_a_flank_vane():
     """Alpha and beta at the CG to the last digits from what such a boom shows."""
     vehicle = parse_vehicle(VEHICLE)
