@@ -15,7 +15,7 @@ from aerodb.increments import (
     sign_reasons,
 )
 from aerodb.loop import Accept, Library, LoopResult, SensorRival, StallWindow, UnexplainedLevel
-from aerodb.remarks import REFUSED, Remark, said
+from aerodb.remarks import CONTRADICTS, REFUSED, SUSPECTED, Remark, said
 from aerodb.report import (
     add_remarks,
     beyond_remarks,
@@ -80,6 +80,7 @@ def publish_candidate(
     remarks = [
         *beyond_remarks(beyond, labels),
         *map(said, (*_selected(plan), *_without_thrust(access, plan), *inputs)),
+        *map(said, _moving_air(access, plan)),
         *(Remark(REFUSED, text=reason) for reason in signs),
         *rival_remarks(rivals),
     ]
@@ -192,6 +193,7 @@ def publish_loop(
         *map(said, stall_remarks(stalls, labels)),
         *beyond_remarks(beyond, labels),
         *map(said, (*_selected(plan), *_without_thrust(access, plan), *inputs)),
+        *map(said, _moving_air(access, plan)),
         *(Remark(REFUSED, text=reason) for reason in signs),
     ]
     add_remarks(document, remarks)
@@ -240,6 +242,22 @@ def _selected(plan: UpdatePlan) -> list[str]:
 def _without_thrust(access: WorkspaceAccess, plan: UpdatePlan) -> list[str]:
     labels = access.catalogue.flight_labels(plan.left_out)
     return left_out_remarks(plan.left_out, labels)
+
+
+def _moving_air(access: WorkspaceAccess, plan: UpdatePlan) -> list[str]:
+    """Flights in which air that only a part of the aircraft met may be what is left."""
+    labels = access.catalogue.flight_labels(plan.flights)
+    told = []
+    for flight in plan.flights:
+        for each in access.catalogue.flight(flight).remarks:
+            if each.kind in (CONTRADICTS, SUSPECTED) and "air_from" in each.values:
+                begin, end = (each.values[name][0] for name in ("air_from", "air_until"))
+                told.append(
+                    f"{labels[flight]} may have met air that only a part of the aircraft felt,"
+                    f" between {begin:.1f} and {end:.1f} s. A wake would explain what is found"
+                    " there (aerodb flight wake)."
+                )
+    return told
 
 
 def _is_within_flights(plan: UpdatePlan, loop: LoopResult) -> bool:

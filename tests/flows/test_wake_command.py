@@ -108,6 +108,11 @@ def test_a_wake_is_a_rival_of_a_channel_that_seems_to_change(
         assert said["evidence"]["air_from"] < 15.0 < said["evidence"]["air_until"]
         assert "aerodb flight wake" in said["sentence"]
     assert not alone["comparison"]["suspicions"]
+    words = ("--hold-out", "none", "--direct")
+    loop = asked(ingested[0], "close-loop", *words)
+    told = [each for each in loop["remarks"] if "only a part of the aircraft felt" in each]
+    assert len(told) == len(crossed)
+    assert not loop["added"]
 
 
 def test_circulation_and_core_of_each_encounter_and_their_trend(
