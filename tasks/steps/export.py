@@ -108,7 +108,7 @@ def _in_jsbsim(
 
 
 def _no_rotors(*_given: object) -> bytes:
-    raise InputError("a version without rotors", "--format propeller", "--format jsbsim")
+    raise InputError("a version without rotors", "--format propeller", "choose --format jsbsim")
 
 
 def _model_of(data: bytes, name: str) -> AeroDatabase:

@@ -401,6 +401,17 @@ def test_eight_processes_promote_at_once_and_each_step_has_one_winner(
 # Out
 
 
+def test_propellers_of_a_version_without_rotors_are_refused(
+    flown: tuple[Path, Path], tmp_path: Path
+) -> None:
+    words = ("--format", "propeller", "--output", str(tmp_path / "out.xml"))
+    done = aerodb(flown[0], "version", "export", "v0002", *words)
+    assert done.returncode == 3
+    assert "without rotors" in done.stderr
+    assert "--format jsbsim" in done.stderr
+    assert not (tmp_path / "out.xml").exists()
+
+
 #: Of rotors alone; `tests/aerodb/exchange/test_propellers.py` flies it in JSBSim.
 WITHOUT_WING = {"propeller"}
 
