@@ -1,7 +1,7 @@
 """Networks of scikit-learn beside straight lines and splines: which predicts held-out aerodynamics best?
 
 ``python -m tests.campaigns.networks`` fits four kinds of models to the same samples, predicts samples
-that were left out, and prints the table; ``--write`` makes docs/evidence/networks.md of it. Each kind
+that were left out, and prints the table; ``--write`` makes docs/reference/networks.md of it. Each kind
 chooses its size (knots, neurons, local models) by cross-validation within the samples that it is fitted
 to, by the same rule. A network that is used becomes a table (`as_table`) over the range of its samples.
 """
@@ -39,7 +39,7 @@ from tests.support.attas_stalls import (
 from tests.support.consistency_records import ATTAS_BIASES
 from tests.support.paths import ROOT
 
-PAGE = ROOT / "docs" / "evidence" / "networks.md"
+PAGE = ROOT / "docs" / "reference" / "networks.md"
 #: Parts of the cross-validation, each in one piece of the samples, so that neighbours do not help.
 FOLDS = 4
 #: A larger size is chosen only where it lowers the error by this share: the sizes' own scatter.
