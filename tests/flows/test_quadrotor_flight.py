@@ -179,14 +179,18 @@ def test_the_estimate_tells_the_other_columns_of_the_table(
     assert "p 0.5" in printed
 
 
-def test_its_error_is_told_by_axis(workspace: tuple[Path, dict[str, Array]]) -> None:
+@pytest.fixture(scope="module")
+def updated(workspace: tuple[Path, dict[str, Array]]) -> str:
+    """Label of the version that the flight makes."""
+    folder, _ = workspace
+    words = ("update", "--vehicle", "quad", "--model", str(folder / "model.toml"))
+    return str(asked(folder / "workspace", *words)["label"])
+
+
+def test_its_error_is_told_by_axis(workspace: tuple[Path, dict[str, Array]], updated: str) -> None:
     """Beside the constant (0, 0, -g), which alone explains .98 of the stacked axes."""
     folder, x = workspace
-    done = aerodb(
-        folder / "workspace", "update", "--vehicle", "quad", "--model", str(folder / "model.toml")
-    )
-    assert done.returncode == 0, done.stderr
-    shown = asked(folder / "workspace", "flight", "compare", "hover.csv", "v0002")
+    shown = asked(folder / "workspace", "flight", "compare", "hover.csv", updated)
     columns, acceleration = by_hand(x)
     stacked = columns.reshape(-1, 6)
     fitted = columns @ np.linalg.lstsq(stacked, acceleration.ravel(), rcond=None)[0]
@@ -198,11 +202,13 @@ def test_its_error_is_told_by_axis(workspace: tuple[Path, dict[str, Array]]) -> 
     assert (1 - shown["axes"]["CZ"]["of_flown"] ** 2) == pytest.approx(0.931, abs=2e-3)
 
 
-def test_the_updated_quadrotor_hovers(workspace: tuple[Path, dict[str, Array]]) -> None:
+def test_the_updated_quadrotor_hovers(
+    workspace: tuple[Path, dict[str, Array]], updated: str
+) -> None:
     """The version that the flight has made flies level at the command that the flight had."""
     folder, x = workspace
     answer = asked(
-        folder / "workspace", "version", "trim", "v0002", "--speed", "0", "--altitude", "0"
+        folder / "workspace", "version", "trim", updated, "--speed", "0", "--altitude", "0"
     )
     mean = np.mean([x[f"command_{k}"].mean() for k in range(1, 5)])
     hover = np.mean([answer["inputs"][f"command_{k}"] for k in range(1, 5)])
@@ -210,13 +216,13 @@ def test_the_updated_quadrotor_hovers(workspace: tuple[Path, dict[str, Array]]) 
 
 
 def test_its_motors_are_written_for_gazebo_with_the_error_over_the_flight(
-    workspace: tuple[Path, dict[str, Array]],
+    workspace: tuple[Path, dict[str, Array]], updated: str
 ) -> None:
     """Thrust per square of speed is that of still air; what grows with the flow along the axis stays
     out, and is told by its largest force over the samples."""
     folder, x = workspace
     output = folder / "motors.sdf"
-    words = ("version", "export", "v0002", "--format", "gazebo", "--output", str(output))
+    words = ("version", "export", updated, "--format", "gazebo", "--output", str(output))
     answer = asked(folder / "workspace", *words)
     value = access_workspace(str(folder / "workspace")).database(answer["version"]).parameters
     constants = [float(t) for t in re.findall(r"<motorConstant>(.*?)<", output.read_text())]
