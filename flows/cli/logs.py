@@ -37,8 +37,7 @@ def inspect(
     """
     # Imported here, and below, because a query must not wait for the science to import; the
     # process that reads the log starts in the meantime.
-    from aerodb.tasks.steps import FINDINGS
-    from aerodb.tasks.workers import start_workers
+    from aerodb.tasks.workers import FINDINGS, start_workers
 
     start_workers([log.suffix.lower()], FINDINGS)
     from aerodb.tasks.view import inspected_log, inspection_lines, inspection_verdict
@@ -93,8 +92,7 @@ def show(
 
     Example: aerodb log show flight.ulg --signal alpha,theta
     """
-    from aerodb.tasks.steps import FINDINGS
-    from aerodb.tasks.workers import start_workers
+    from aerodb.tasks.workers import FINDINGS, start_workers
 
     start_workers([log.suffix.lower() for log in logs], FINDINGS)
     from aerodb.storage.workspace import Workspace, write_for_user

@@ -23,7 +23,8 @@ from aerodb.exchange import (
     input_properties,
     to_document,
 )
-from aerodb.storage.confinement import confine, confined_environment, how_it_ended, subordinate
+from aerodb.storage.confined_environment import confined_environment
+from aerodb.storage.confinement import confine, how_it_ended, subordinate
 from aerodb.storage.limits import Limits
 from aerodb.storage.writers.jsbsim_executive import loaded_in_jsbsim
 from aerodb.tables import AeroDatabase, CheckCase

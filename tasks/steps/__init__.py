@@ -65,7 +65,7 @@ if TYPE_CHECKING:
     )
     from .ingest import store_log
     from .inputs import describe_inputs
-    from .inspect_log import FINDINGS, SERVOS, PlottedLog, Wanted, look_over, plot_log
+    from .inspect_log import SERVOS, PlottedLog, Wanted, look_over, plot_log
     from .loop_flights import reconstruction_of
     from .loop_options import loop_options, options_of_result
     from .methods import estimate_by_methods, is_on_ground

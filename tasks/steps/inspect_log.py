@@ -8,12 +8,10 @@ from typing import Any, Final
 from aerodb.errors import InputError
 from aerodb.logs import Formula, Mapping, Signal
 from aerodb.support import Array
-from aerodb.tasks.workers import confined
+from aerodb.tasks.workers import FINDINGS, confined
 
 #: Topics of a PX4 log with what its servos are told.
 SERVOS: Final = ("actuator_servos", "actuator_outputs")
-#: What the process imports that looks into a log: a small part of what steps do.
-FINDINGS: Final = ("aerodb.tasks.steps.log_findings",)
 
 
 def look_over(topics: Path, log: str, mapping: Mapping, workspace: str) -> dict[str, Any]:

@@ -40,9 +40,9 @@ from aerodb.recording import Recording
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.support import counted
-from aerodb.tasks.steps import FINDINGS, SERVOS, PlottedLog, Wanted, look_over, plot_log
+from aerodb.tasks.steps import SERVOS, PlottedLog, Wanted, look_over, plot_log
 from aerodb.tasks.view.flight_documents import damage_document
-from aerodb.tasks.workers import Parsed, parsed_log, start_workers
+from aerodb.tasks.workers import FINDINGS, Parsed, parsed_log, start_workers
 from aerodb.units import UnitSystem
 
 if TYPE_CHECKING:

@@ -6,8 +6,8 @@ runs a function of a per-flight step in one of a few processes that stay, one pe
 Both are forks of one process that has imported what they need and has no threads; `start_workers`
 starts it in advance. What breaks a limit is lost alone.
 
-Modules: `pool` (this side), `server` (the process that forks, and the forks), `parsing`;
-`memory_cache` (what a process remembers of flights), `freed_memory`.
+Modules: `beginning` and `pool` (this side), `server` (the process that forks, and the forks),
+`parsing`; `memory_cache` (what a process remembers of flights), `freed_memory`.
 """
 
 from typing import TYPE_CHECKING
@@ -15,9 +15,10 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
+    from .beginning import FINDINGS, start_workers
     from .freed_memory import return_freed_memory
     from .memory_cache import cached, file_key
     from .parsing import Parsed, parsed_log
-    from .pool import OverLimitError, confined, start_workers
+    from .pool import OverLimitError, confined
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

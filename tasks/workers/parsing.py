@@ -15,7 +15,7 @@ from typing import Final
 
 from aerodb.errors import InputError, StoreError
 from aerodb.recording import Recording
-from aerodb.storage.confinement import confined_environment
+from aerodb.storage.confined_environment import confined_environment
 from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk_errors
 from aerodb.storage.files import open_recording, write_topics
 from aerodb.storage.landlock import see_only

@@ -7,12 +7,9 @@ does one job only. What breaks a limit is lost alone; its worker is replaced by 
 
 import json
 import os
-import socket
-import subprocess
-import sys
 import threading
 import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection
@@ -20,10 +17,11 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from aerodb.errors import CalculationError, StoreBusyError, StoreError, failing_alone
-from aerodb.storage.confinement import confined_environment, environment_memory, how_it_ended
+from aerodb.storage.confinement import environment_memory, how_it_ended
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.tasks.actors import Actor, acting
+from aerodb.tasks.workers.beginning import SCIENCE, Server, forget, server
 
 Result = TypeVar("Result")
 
@@ -31,12 +29,6 @@ Result = TypeVar("Result")
 _TICK: Final = 1.0
 #: Longest answer of a process that has parsed a log [bytes].
 _LONGEST_ANSWER: Final = 1 << 20
-#: What per-flight steps import, some of it at first use.
-_SCIENCE: Final = (
-    "aerodb.consistency.whole_flight",
-    "aerodb.exchange.native",
-    "aerodb.tasks.steps.compare",
-)
 #: Whether this process is a worker: work within work needs no further process.
 _inside = False
 
@@ -69,7 +61,7 @@ class Job:
     actor: Actor | None = field(default_factory=acting)
     environment: dict[str, str] = field(default_factory=lambda: dict(os.environ))
     folder: str = field(default_factory=os.getcwd)
-    needs: tuple[str, ...] = _SCIENCE
+    needs: tuple[str, ...] = SCIENCE
     once: bool = False
     scratch: str = ""
 
@@ -85,7 +77,7 @@ def confined(
     flight: str,
     what: str,
     where: str,
-    needs: tuple[str, ...] = _SCIENCE,
+    needs: tuple[str, ...] = SCIENCE,
 ) -> Result:
     """Return ``function(*arguments)``, run in a worker process under the limits of the workspace.
 
@@ -168,65 +160,10 @@ def _broken_limit(code: int | None, kind: str, job: Job) -> OverLimitError | Sto
     return OverLimitError(ended, job.where, f"{remedy} {job.again}")
 
 
-def _begun(control: int, needs: Collection[str]) -> "subprocess.Popen[bytes]":
-    """Start a server that takes its requests from this file descriptor, and imports what jobs will
-    need. Its session is its own: an interrupt at the terminal is this process' business."""
-    command = [sys.executable, "-P", "-m", "aerodb.tasks.workers.server", *needs, str(control)]
-    quiet = subprocess.DEVNULL
-    return subprocess.Popen(
-        command,
-        stdin=quiet,
-        stdout=quiet,
-        env=confined_environment(),
-        pass_fds=[control],
-        start_new_session=True,
-    )
-
-
-class _Server:
-    """The process that forks workers, and the connection to it."""
-
-    def __init__(self, needs: Collection[str]) -> None:
-        self.owner = os.getpid()
-        self._lock = threading.Lock()
-        ours, theirs = socket.socketpair()
-        with theirs:
-            self._process = _begun(theirs.fileno(), needs)
-        self._control = Connection(ours.detach())
-
-    def fork(self, job: Job) -> "_Worker":
-        """Return a new worker that has imported what a job needs; OSError or EOFError if this
-        server has ended."""
-        ours, theirs = socket.socketpair()
-        with theirs, self._lock:
-            self._control.send((job.needs, job.scratch))
-            with socket.socket(fileno=os.dup(self._control.fileno())) as carrier:
-                socket.send_fds(carrier, [b"."], [theirs.fileno()])
-            pid = self._control.recv()
-        return _Worker(self, pid, Connection(ours.detach()))
-
-    def end(self, pid: int) -> int | None:
-        """End a worker if it has not ended, and return its exit code, negative for a signal; None
-        if this server has ended, and its workers with it."""
-        try:
-            with self._lock:
-                self._control.send(pid)
-                code: int = self._control.recv()
-                return code
-        except (OSError, EOFError):
-            return None
-
-    def close(self) -> None:
-        """End the server, and all workers with it."""
-        self._control.close()
-        self._process.kill()
-        self._process.wait()
-
-
 class _Worker:
     """A worker process; `last` is the flight that it worked on."""
 
-    def __init__(self, server: _Server, pid: int, connection: Connection) -> None:
+    def __init__(self, server: Server, pid: int, connection: Connection) -> None:
         self.server, self.last = server, ""
         self._pid, self._connection = pid, connection
 
@@ -258,24 +195,6 @@ class _Worker:
 
 _lock: Final = threading.Lock()
 _idle: Final[list[_Worker]] = []
-_servers: Final[list[_Server]] = []
-
-
-def start_workers(suffixes: Collection[str], needs: tuple[str, ...] = _SCIENCE) -> None:
-    """Start the process that forks workers in the background, so that it is ready when the first
-    log with one of these suffixes (lower case) comes; nothing if there is one. needs : modules that
-    it imports besides."""
-    with _lock:
-        _server((*suffixes, *needs))
-
-
-def _server(needs: Collection[str] = ()) -> _Server:
-    """Return the server of this process, a new one if there is none; call it with the lock."""
-    for server in _servers:
-        if server.owner == os.getpid():
-            return server
-    _servers.append(_Server(needs))
-    return _servers[-1]
 
 
 def _take(job: Job) -> _Worker:
@@ -287,22 +206,21 @@ def _take(job: Job) -> _Worker:
         if mine:
             _idle.remove(mine[-1])
             return mine[-1]
-        server = _server()
     with suppress(OSError, EOFError):
-        return server.fork(job)
-    with _lock:  # it was ended from outside: once more with another
-        if server in _servers:
-            _servers.remove(server)
-            server.close()
-        server = _server()
+        return _forked(begun := server(), job)
+    forget(begun)  # it was ended from outside: once more with another
     try:
-        return server.fork(job)
+        return _forked(server(), job)
     except (OSError, EOFError) as error:
         raise StoreError(
             f"no process for flights can be started: {error}",
             job.where,
             "check memory and the number of processes, then run again",
         ) from error
+
+
+def _forked(begun: Server, job: Job) -> _Worker:
+    return _Worker(begun, *begun.fork(job.needs, job.scratch))
 
 
 def _give_back(worker: _Worker) -> None:

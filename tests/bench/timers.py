@@ -109,12 +109,12 @@ _installed: Final[set[str]] = set()
 
 def install() -> None:
     """Replace the functions of the stages in this process, and what its workers are given."""
-    from aerodb.tasks.workers import parsing, pool
+    from aerodb.tasks.workers import beginning, parsing, pool
 
     for place in (each for places in STAGES.values() for each in places):
         importlib.import_module(place.partition(":")[0])
     _take_times()
-    plain_environment, plain_done = pool.confined_environment, pool.done
+    plain_environment, plain_done = beginning.confined_environment, pool.done
 
     def environment() -> dict[str, str]:  # workers import this module too
         return plain_environment() | {"PYTHONPATH": str(Path(__file__).resolve().parents[2])}
@@ -129,8 +129,8 @@ def install() -> None:
             TIMERS.open[-1][0] += inside
         return answer
 
-    pool.confined_environment = environment
-    pool.done = parsing.done = done  # type: ignore[attr-defined]
+    beginning.confined_environment = environment
+    pool.done = parsing.done = done
 
 
 def whole_run(seconds: float, processor: float) -> dict[str, Row]:

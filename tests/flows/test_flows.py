@@ -310,6 +310,7 @@ def test_a_query_imports_no_orchestrator(
             {"numba", "scipy.interpolate", "scipy.optimize", "scipy.signal", "scipy.stats"},
         ),
         ("aerodb.tasks.steps.inspect_log, aerodb.logs.mapping_draft", {"numba", "scipy"}),
+        ("aerodb.tasks.workers.beginning", {"numpy", "pydantic", "aerodb.errors"}),
     ],
 )
 def test_what_draws_filters_or_compiles_nothing_does_not_import_what_does(

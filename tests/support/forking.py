@@ -27,7 +27,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO
 
-from aerodb.storage.confinement import confined_environment
+from aerodb.storage.confined_environment import confined_environment
 from tests.support.paths import ROOT
 
 #: What commands and flows import, and what forks workers for flights. Not Prefect: it starts
@@ -223,10 +223,10 @@ def serve() -> None:
 def fork_for_flights() -> None:
     """Let this process's server fork what `aerodb.tasks.workers` starts, instead of that importing
     for two seconds what the server has imported."""
-    from aerodb.tasks.workers import pool  # here: other tests need not wait for it
+    from aerodb.tasks.workers import beginning  # here: other tests need not wait for it
 
     server()
-    pool._begun = _ForFlights
+    beginning._begun = _ForFlights  # type: ignore[assignment]
 
 
 class _ForFlights(Forked):
