@@ -19,7 +19,7 @@ from aerodb.nomenclature import MOST_SHARE, SHARES
 from aerodb.parts import contact_points
 from aerodb.physics import GRAVITY, Earth, standard_atmosphere
 from aerodb.simulation import MASS_PROPERTIES, Condition, FlightModel, bridged, flight_model, trim
-from aerodb.support import CLAIM, Array, standard_errors
+from aerodb.support import CLAIM, Array, half_interval, standard_errors
 from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle, cg_positions, with_mass_channels
 
@@ -294,15 +294,26 @@ def _record(
     carried = trim(model, Condition(speed, altitude or 0.0, ground=True), at_start)
     start = {key: float(carried.start[key]) for key in ("altitude", "phi", "theta")}
     series["ground_altitude"] = np.full(whole.stop - whole.start, altitude or 0.0)
-    slope = _slope(flight, whole, measured)
+    slope, spread = _slope(flight, whole)
     if slope:
-        notes.append(f"the runway climbs by {100.0 * slope:.2f} % by the altitudes; it counts")
+        notes.append(
+            f"the runway climbs by {100.0 * slope:.2f} % by the altitudes; it counts. Were it"
+            f" level, rolling friction would be about {slope:.4f} more. Static pressure that errs"
+            " with speed looks alike"
+        )
         if "height_above_ground" not in flight:
             notes.append(
                 "height above ground is not known: what rolled more than a few metres above or"
                 " below the place of standstill was left out as flight"
             )
         series["force_x"] = series["force_x"] - GRAVITY * slope * series["mass"]
+    elif np.isnan(spread):
+        notes.append("the runway's slope is not known: 1 % of climb looks like 0.01 of friction")
+    elif spread > _LEAST_SLOPE:
+        notes.append(
+            f"the runway is level to +- {100.0 * spread:.1g} % (95 %) by the altitudes: rolling"
+            f" friction may be off by {spread:.1g} beside its own error"
+        )
     travel = _compression(model.database, at_start, start, altitude or 0.0)
     kept = _on_all_wheels(flight, whole, start["theta"], travel, notes)
     if (kept.stop - kept.start) * flight.step < _SHORTEST:
@@ -447,26 +458,28 @@ def _bridged(flight: Flight, name: str, whole: slice) -> Array | None:
     return np.interp(np.arange(len(usable)), good, flight[name][whole][good])
 
 
-def _slope(flight: Flight, whole: slice, measured: Mapping[str, Array]) -> float:
-    """Slope of the runway along a roll, 0 where the altitudes show none."""
+def _slope(flight: Flight, whole: slice) -> tuple[float, float]:
+    """Slope of the runway along a roll, 0 where the altitudes show none, and half of its interval
+    of 95 %; NaN where they tell nothing."""
     moving = ground_speed(flight)
     if "altitude" not in flight or moving is None:
-        return 0.0
+        return 0.0, np.nan
     good = flight.usable(["altitude"])[whole]
     way = np.cumsum(moving[whole]) * flight.step
     if good.sum() < 4 * _PARTS:
-        return 0.0
+        return 0.0, np.nan
     parts = np.array_split(np.flatnonzero(good), _PARTS)
     x = np.array([way[part].mean() for part in parts])
     y = np.array([flight["altitude"][whole][part].mean() for part in parts])
     x = x - x.mean()
     spread = float(x @ x)
     if not spread > 0.0:
-        return 0.0
+        return 0.0, np.nan
     slope = float(x @ y) / spread
     left = y - y.mean() - slope * x
     error = float(np.sqrt(left @ left / (_PARTS - 2) / spread))
-    return slope if abs(slope) > max(_SLOPED * error, _LEAST_SLOPE) else 0.0
+    shown = abs(slope) > max(_SLOPED * error, _LEAST_SLOPE)
+    return slope if shown else 0.0, float(np.hypot(half_interval(error), slope))
 
 
 def _mean(flight: Flight, name: str, whole: slice) -> float | None:

@@ -182,7 +182,7 @@ def test_of_a_log_that_is_lacking_what_can_be_said_is_said(workspace: Path, way:
     found = asked(workspace / "w", *loop, "--on-ground", "--direct")
     said = " ".join(found["remarks"])
     assert {
-        "no height": "altitude is not known",
+        "no height": "slope is not known: 1 % of climb",
         "a bounce": "it leaves the ground for 1.",
     }.get(way, "the runway climbs by 1.") in said
     assert any("mu_" in each["parameter"] for each in (*found["findings"], *found["not_found"]))

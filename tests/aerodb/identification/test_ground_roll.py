@@ -128,6 +128,41 @@ def test_a_planted_friction_is_found_uphill() -> None:
     assert any("climbs by 0.4" in note for note in rolls.assumed)
 
 
+def test_a_slope_that_only_the_altimeter_has_is_told_with_what_it_does_to_rolling_friction() -> (
+    None
+):
+    """A static pressure that errs with the dynamic one climbs as a slope does: friction is less by
+    as much as the note says, of what the wing leaves on the wheels before the brakes."""
+    names, level = ("mu_brake", "mu_roll"), rolled()
+    errs = level.with_channels({"altitude": -0.004 * (level["V"] / 20.0) ** 2 * 100.0})
+    rolls = recorded_rolls([RolledFlight(errs, WHEELS, "roll")], OWN)
+    found = fitted_roll(output_error, roll_model(rolls, names, OWN, (-2.0, 0.0)), rolls.records)
+    (note,) = (note for note in rolls.assumed if "static pressure" in note.lower())
+    more = float(note.split("would be about ")[1].split()[0])
+    weight, fast = MASSES["mass"] * 9.80665, level["V"][level.time < 8.0]
+    carried = weight - 0.2 * 0.5 * 1.225 * 10.3 * float(np.mean(fast**2))
+    own = found["mu_roll"]
+    assert abs(own.value - ROLLING) > 4.0 * own.standard_error
+    assert ROLLING - own.value == pytest.approx(more * weight / carried, rel=0.1)
+
+
+def test_a_slope_that_altitudes_do_not_tell_is_said() -> None:
+    """None without altitudes; with a drift of metres, what rolling friction may be off by."""
+    whole = rolled()
+    gone = {n: v for n, v in whole.channels.items() if n != "altitude"}
+    drift = np.cumsum(np.random.default_rng(5).normal(0.0, 0.05, len(whole.time)))
+    drifting = whole.with_channels({"altitude": drift})
+    for each, said in (
+        (replace(whole, channels=gone), "slope is not known"),
+        (drifting, "the runway is level to +- "),
+        (whole, ""),
+    ):
+        notes = recorded_rolls([RolledFlight(each, WHEELS, "roll")], OWN).assumed
+        told = [note for note in notes if "slope" in note or "runway" in note]
+        assert len(told) == bool(said)
+        assert all(said in note for note in told)
+
+
 @pytest.mark.parametrize("believed", [0.12, 0.26, 0.35])
 def test_a_database_with_another_friction_is_corrected(believed: float) -> None:
     """With too much of it the run stands still long before the roll does."""
