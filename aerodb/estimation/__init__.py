@@ -68,7 +68,12 @@ if TYPE_CHECKING:
         shared_coloured_sum,
         with_mean_constant,
     )
-    from .output_error import multiple_shooting, nonlinear_refinement, output_error
+    from .output_error import (
+        frequency_domain_output_error,
+        multiple_shooting,
+        nonlinear_refinement,
+        output_error,
+    )
     from .parameters import Parameter, Parameters, bounds_of, priors_of
     from .regression import (
         EquationRecord,

@@ -26,7 +26,7 @@ class Method:
     function : module and name of the function; it is imported when it is first called.
     display : a help for judgement, never a candidate.
     disturbed : its states have process noise: those that outputs show. slow : `all` leaves
-    it out, as it searches from several starts.
+    it out, as it searches from several starts. linear : it takes linear models alone.
     """
 
     name: str
@@ -35,6 +35,7 @@ class Method:
     display: bool = False
     disturbed: bool = False
     slow: bool = False
+    linear: bool = False
 
     def load(self) -> Callable[..., Fit]:
         """Return the function that estimates (`Method.function`); raises ImportError where its
@@ -86,6 +87,12 @@ _METHODS = (
     Method("ukf", "dynamic", ("aerodb.estimation", "unscented_kalman"), disturbed=True),
     Method("multiple-shooting", "dynamic", ("aerodb.estimation", "multiple_shooting")),
     Method(
+        "frequency-domain-output-error",
+        "dynamic",
+        ("aerodb.estimation", "frequency_domain_output_error"),
+        linear=True,
+    ),
+    Method(
         "nonlinear-refinement",
         "dynamic",
         ("aerodb.estimation", "nonlinear_refinement"),
@@ -97,13 +104,15 @@ _METHODS = (
 METHODS: Final[dict[str, Method]] = {method.name: method for method in _METHODS}
 
 
-def chosen_methods(names: Sequence[str]) -> tuple[Method, ...]:
-    """Methods by name; ``all`` for every one that is neither a display nor slow.
+def chosen_methods(names: Sequence[str], *, linear: bool = True) -> tuple[Method, ...]:
+    """Methods by name; ``all`` for every one that is neither a display nor slow, and, unless the
+    model is `linear`, takes others than linear models.
 
     Raises InputError with the nearest name for an unknown one.
     """
     if list(names) == ["all"]:
-        return tuple(m for m in METHODS.values() if not m.display and not m.slow)
+        usual = (m for m in METHODS.values() if not m.display and not m.slow)
+        return tuple(m for m in usual if linear or not m.linear)
     for name in names:
         if name not in METHODS:
             raise InputError(f"no method '{name}'", remedy=nearest(name, METHODS, len(METHODS)))

@@ -23,7 +23,8 @@ and ``late_outputs = ["p"]`` make delays unknown: parameters ``delay_<name>``, i
 ``[[parameter]]`` may start elsewhere, fix or bound. ``random_walk`` of a ``[[parameter]]`` lets it
 change with time, by its standard deviation per root of a second, where `ekf` or `ukf` estimate it.
 `estimated` names outputs that no sensor measured but an estimator on board made. ``feedback = { q =
-{ q = 3.0 } }`` stabilises output error: state, output and gain of its rate (`stabilised`).
+{ q = 3.0 } }`` stabilises output error: state, output and gain of its rate (`stabilised`). ``band
+= [0.1, 1.5]`` [Hz] is that of `frequency-domain-output-error`, which else follows from the records.
 
 Of files without a vehicle, ``[columns]`` says which column is what: ``p = "roll_rate [deg/s]"``,
 ``time = "t [ms]"`` (`aerodb.logs.find_columns`).
@@ -100,6 +101,7 @@ class StateSpaceTable(Strict):
     own: list[str] = []
     estimated: list[str] = []
     feedback: dict[str, dict[str, float]] = {}
+    band: list[float] = Field([], max_length=2)
 
 
 class ParameterTable(Strict):
@@ -271,7 +273,8 @@ def _fitted(method: Method, records: Sequence[TimeHistory], file: StateSpaceFile
         notes.append(
             "Measured outputs are fed back, as the file states: an unstable motion stays bounded."
         )
-    fit: Fit = method.load()(model, records)
+    in_band = {"band": file.state_space.band} if method.linear and file.state_space.band else {}
+    fit: Fit = method.load()(model, records, **in_band)
     return replace(fit, notes=(*fit.notes, *(note for note in notes if note not in fit.notes)))
 
 

@@ -161,7 +161,7 @@ def _of_flights(
     """The document of an estimate; versions : the baseline, and the version of ``--with``."""
     from aerodb.flows.cli.flights import called
     from aerodb.flows.estimate import estimate_flow
-    from aerodb.identification import chosen_methods
+    from aerodb.identification import chosen_methods, declares_state_space
     from aerodb.tasks.steps import is_on_ground
 
     catalogue = session.catalogue()
@@ -193,7 +193,9 @@ def _of_flights(
         {
             "flights": [row.id for row in rows],
             "model": model,
-            "methods": [each.name for each in chosen_methods(methods)],
+            "methods": [
+                each.name for each in chosen_methods(methods, linear=declares_state_space(model))
+            ],
             "version": version,
             "whole": whole,
             "page": page,

@@ -7,7 +7,7 @@ METHODS: Final = (
     "regression, frequency-domain, fourier-regression, recursive, normalised-recursive,"
     " principal-components, total-least-squares, instrumental-variables, stepwise,"
     " orthogonal-functions, output-error, filter-error, ekf, ukf, multiple-shooting,"
-    " nonlinear-refinement"
+    " frequency-domain-output-error, nonlinear-refinement"
 )
 #: `aerodb.storage.readers.read_log`.
 LOGS: Final = "ULog, DataFlash, MCAP, MAT, CSV, ASCII or Parquet"

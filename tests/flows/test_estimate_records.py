@@ -158,7 +158,7 @@ initial = ["alpha", "q"]
 FED_BACK = "feedback = { alpha = { alpha = 3.0 }, q = { q = 3.0 } }\n"
 
 
-def test_an_unstable_motion_is_estimated_with_feedback_of_what_is_measured(tmp_path) -> None:
+def test_an_unstable_motion_is_estimated_with_feedback_or_in_the_frequency_domain(tmp_path) -> None:
     record = piloted_flight(np.random.default_rng(5))
     file = written(
         tmp_path / "piloted.csv", "time [s],de [rad],alpha [rad],q [rad/s],az [m/s^2]",
@@ -177,6 +177,14 @@ def test_an_unstable_motion_is_estimated_with_feedback_of_what_is_measured(tmp_p
     for name, value in TRUTH.items():
         assert abs(found[name]["value"] - value) < 2.0 * found[name]["standard_error"]
     assert any("fed back" in note for note in stable["methods"][0]["notes"])
+    given = (*given[:3], "--method", "frequency-domain-output-error", "--model")
+    for band, lowest in (("", 0.1), ("band = [0.2, 2.0]\n", 0.2)):
+        plain = asked(tmp_path / "w", *given, model(tmp_path, SHORT_PERIOD + band + starts))
+        found = near(plain, TRUTH)
+        assert any(
+            f"frequencies from {lowest:g} to" in note for note in plain["methods"][0]["notes"]
+        )
+    given = (*given[:3], "--method", "output-error", "--model")
     wrong = FED_BACK.replace("q = { q", "q = { beta")
     refused = aerodb(tmp_path / "w", *given, model(tmp_path, SHORT_PERIOD + wrong + starts))
     assert refused.returncode == 3

@@ -6,6 +6,7 @@
 4. `instability` tells when an unstable motion needs `stabilised` models or `multiple_shooting`,
    which gives each segment of a record its own initial state.
 5. `nonlinear_refinement` searches within bounds from several starts, with a cost of three parts.
+6. `frequency_domain_output_error` compares transforms over a band: linear models, unstable too.
 
 Before: `aerodb.estimation.linear_models`. With turbulence: `aerodb.estimation.filters`.
 """
@@ -16,6 +17,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .gauss_newton import projected, search
+    from .in_band import frequency_domain_output_error
     from .likelihood import no_equations
     from .multiple_shooting import multiple_shooting
     from .output_error import output_error

@@ -1,6 +1,6 @@
 """Output error: the parameters whose simulated outputs are most likely, given what was measured."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -26,8 +26,15 @@ from aerodb.estimation.output_error.gauss_newton import (
     search,
 )
 from aerodb.estimation.output_error.instability import instability
-from aerodb.estimation.output_error.likelihood import Covariance, coloured_information
+from aerodb.estimation.output_error.likelihood import (
+    Beside,
+    Covariance,
+    MeasuredOutputs,
+    Noise,
+    coloured_information,
+)
 from aerodb.estimation.output_error.noisy_inputs import without_input_noise
+from aerodb.estimation.output_error.sensitivities import ModelResponse
 from aerodb.estimation.parameters import Parameters
 from aerodb.estimation.regression import ENOUGH_PER_ESTIMATE
 from aerodb.estimation.standing import standings
@@ -49,6 +56,11 @@ _UNCORRELATED = "The noise of different outputs is uncorrelated."
 _WORSE = 2.0
 #: And nothing at all where this share of what a constant leaves remains of every output.
 _NOTHING = 0.9
+
+#: What `coloured_information` takes and returns.
+Coloured = Callable[
+    [Sequence[MeasuredOutputs], Sequence[ModelResponse], Noise, int, Beside], tuple[Array, float]
+]
 
 
 def output_error(
@@ -148,11 +160,13 @@ def fit_of(
     solution: OutputErrorSolution,
     assumes: tuple[str, ...],
     unstable: str = "",
+    coloured: Coloured = coloured_information,
 ) -> Fit:
     """The answer that belongs to where a search ended.
 
-    unstable : why the motion has no answer at all; empty where it has one. What noise of the
-    deflections does is taken off (`without_input_noise`).
+    unstable : why the motion has no answer at all; empty where it has one. coloured : what the
+    residuals' colour makes of the information. What noise of the deflections does is taken off
+    (`without_input_noise`).
 
     Values are in SI units; NaN where the records determine none, ``diverged`` where the search has
     no end.
@@ -163,9 +177,9 @@ def fit_of(
     if not why:
         solution, added, taken_off = without_input_noise(model, records, solution)
         vector = solution.vector
-    found = _covariances(solution)
+    found = _covariances(solution, coloured)
     found = found._replace(coloured=found.coloured + added)
-    white, coloured, own_information = found.white, found.coloured, np.diag(solution.information)
+    white, own_information = found.white, np.diag(solution.information)
     judged: Mapping[str, tuple[Standing, str]] = {}
     if why:
         judged = {item.name: ("diverged", why) for item in unknown}
@@ -186,9 +200,11 @@ def fit_of(
     deviation = np.sqrt(np.diag(solution.noise.covariance))
     return Fit(
         method=method,
-        estimates=_estimates(model.parameters, vector, white, coloured, own_information, judged),
+        estimates=_estimates(
+            model.parameters, vector, white, found.coloured, own_information, judged
+        ),
         names=tuple(item.name for item in unknown),
-        covariance=coloured,
+        covariance=found.coloured,
         degrees_of_freedom=found.freedom,
         residuals=residuals,
         fitted=fitted,
@@ -246,7 +262,7 @@ class _Covariances(NamedTuple):
         return max(self.independent - self.rank, 1.0)
 
 
-def _covariances(solution: OutputErrorSolution) -> _Covariances:
+def _covariances(solution: OutputErrorSolution, coloured: Coloured) -> _Covariances:
     f = len(solution.vector)
     if not solution.information.any():
         none = np.full((f, f), np.nan)
@@ -254,7 +270,7 @@ def _covariances(solution: OutputErrorSolution) -> _Covariances:
     # What a bound holds might be off it: errors of the others count that, as those of regression.
     directions = projected(solution.information, solution.normal, np.ones(f, dtype=bool))
     white, rank = directions @ directions.T, directions.shape[1]
-    data, independent = coloured_information(
+    data, independent = coloured(
         solution.records, solution.responses, solution.noise, f, solution.beside
     )
     prior = solution.information - solution.normal.information

@@ -23,7 +23,8 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .equation_error import ENOUGH_PER_ESTIMATE
-    from .frequency_domain import frequency_domain_regression
+    from .finite_fourier import band_limits
+    from .frequency_domain import frequency_domain_regression, smoothed_spectrum
     from .instrumental_variables import instrumental_variables
     from .linear_equation import EquationRecord, LinearEquation
     from .principal_components import principal_components

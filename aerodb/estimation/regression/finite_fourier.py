@@ -6,6 +6,7 @@ His cubic interpolation between samples is not used: all columns of an equation 
 factor.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,18 +55,35 @@ def band_of(
     """Frequencies (m,) [Hz], evenly spaced; what is None follows from the records."""
     where = f"equation of {equation.response}"
     longest = max(duration_of(record) for record in equation.records)
-    nyquist = min(0.5 / step_of(record) for record in equation.records)
-    low = CYCLES / longest if lowest is None else lowest
-    high = _motion_ends(equation, low, NYQUIST_SHARE * nyquist) if highest is None else highest
+    columns = [(record.time, record.regressors) for record in equation.records]
+    low, high = band_limits(columns, lowest, highest, where)
     apart = 1.0 / (_OVERSAMPLING * longest) if spacing is None else spacing
-    if not (0.0 < low < high <= nyquist and apart > 0.0):
+    if not apart > 0.0:
+        raise InputError(f"frequencies {apart:.3g} Hz apart", where, "state a spacing above 0")
+    return np.asarray(low + apart * np.arange(int(np.floor((high - low) / apart + 1e-6)) + 1))
+
+
+def band_limits(
+    records: Sequence[tuple[Array, Array]], lowest: float | None, highest: float | None, where: str
+) -> tuple[float, float]:
+    """Return lowest and highest frequency [Hz] of records, time (n,) [s] and columns (n, k); what
+    is None follows from them: two cycles in the longest, and where the motion of each column ends.
+
+    Raises InputError for a band that the records do not hold; where : what it says of the place.
+    """
+    steps = [float(time[-1] - time[0]) / (len(time) - 1) for time, _ in records]
+    longest = max(len(time) * step for (time, _), step in zip(records, steps, strict=True))
+    nyquist = min(0.5 / step for step in steps)
+    low = CYCLES / longest if lowest is None else lowest
+    high = _motion_ends(records, low, NYQUIST_SHARE * nyquist) if highest is None else highest
+    if not 0.0 < low < high <= nyquist:
         raise InputError(
             f"no band from {low:.3g} to {high:.3g} Hz in a record of {longest:.3g} s sampled at"
             f" {2.0 * nyquist:.3g} Hz",
             where,
             "state a band between the reciprocal of the record's length and half its sampling rate",
         )
-    return np.asarray(low + apart * np.arange(int(np.floor((high - low) / apart + 1e-6)) + 1))
+    return low, high
 
 
 def step_of(record: EquationRecord) -> float:
@@ -81,16 +99,16 @@ def duration_of(record: EquationRecord) -> float:
     return len(record.time) * step_of(record)
 
 
-def _motion_ends(equation: LinearEquation, low: float, limit: float) -> float:
-    """Frequency [Hz] below which MOTION of the power of every regressor above `low` lies."""
+def _motion_ends(records: Sequence[tuple[Array, Array]], low: float, limit: float) -> float:
+    """Frequency [Hz] below which MOTION of the power of every column above `low` lies."""
     ends = low
-    for record in equation.records:
-        n, step = len(record.time), step_of(record)
+    for time, columns in records:
+        n, step = len(time), float(time[-1] - time[0]) / (len(time) - 1)
         line = np.column_stack([np.ones(n), np.linspace(-1.0, 1.0, n)])
-        moved = record.regressors - line @ np.linalg.lstsq(line, record.regressors, rcond=None)[0]
+        moved = columns - line @ np.linalg.lstsq(line, columns, rcond=None)[0]
         frequency = np.fft.rfftfreq(n, step)
         power = np.abs(np.fft.rfft(moved, axis=0)) ** 2 * (frequency >= low)[:, None]
-        moves = np.ptp(record.regressors, axis=0) > STILL * np.abs(record.regressors).max(axis=0)
+        moves = np.ptp(columns, axis=0) > STILL * np.abs(columns).max(axis=0)
         for share in np.cumsum(power[:, moves], axis=0).T:
             if share[-1] > 0.0:
                 ends = max(ends, frequency[np.searchsorted(share, MOTION * share[-1])])

@@ -184,13 +184,22 @@ def _residual_spectra(
         lost = 0.5 * taken[rows].reshape(2, m).sum(axis=0)
         power[k] = independent * squares
         left[k] = np.maximum(independent - lost, 0.0)
-    law = _power_law(power.sum(axis=0), left.sum(axis=0), frequencies)
-    reach = max(_SMOOTHED_SHARE * (frequencies[-1] - frequencies[0]), _SMOOTHED_BINS / longest)
-    weight = np.maximum(1.0 - np.abs(frequencies[:, None] - frequencies) / reach, 0.0)
-    ratio = (weight @ (power.sum(axis=0) / law)) / np.maximum(weight @ left.sum(axis=0), 1e-9)
-    shape = law * ratio
+    shape = smoothed_spectrum(power.sum(axis=0), left.sum(axis=0), frequencies, longest)
     level = power.sum(axis=1) / np.maximum(left @ shape, np.finfo(float).tiny)
     return np.asarray(level[:, None] * shape)
+
+
+def smoothed_spectrum(power: Array, left: Array, frequencies: Array, longest: float) -> Array:
+    """Return the spectrum (m,) whose product with `left` (m,), the independent values at ascending
+    frequencies (m,) [Hz], is the expectation of `power` (m,), in its unit.
+
+    A power law with curvature is fitted, and the ratio to it is smoothed over a quarter of the
+    band. longest : record [s].
+    """
+    law = _power_law(power, left, frequencies)
+    reach = max(_SMOOTHED_SHARE * (frequencies[-1] - frequencies[0]), _SMOOTHED_BINS / longest)
+    weight = np.maximum(1.0 - np.abs(frequencies[:, None] - frequencies) / reach, 0.0)
+    return np.asarray(law * (weight @ (power / law)) / np.maximum(weight @ left, 1e-9))
 
 
 def _power_law(power: Array, left: Array, frequencies: Array) -> Array:
