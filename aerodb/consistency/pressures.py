@@ -41,12 +41,13 @@ def angles_from_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Arra
     known = all(name in flight for name in (*HOLES, "qbar", "rho", "V"))
     if vehicle.air_data.five_hole is None or not known or not {"alpha", "beta"} <= set(shown):
         return False
+    told = [each.channel for each in vehicle.air_data.configurations]
     some = slice(None, None, max(1, len(flight.time) // _ENOUGH))
     thin = Flight(
         flight.id,
         flight.vehicle,
         flight.time[some],
-        {name: flight[name][some] for name in (*HOLES, "qbar")},
+        {name: flight[name][some] for name in (*HOLES, "qbar", *told) if name in flight},
     )
     off = np.abs(
         [
@@ -59,18 +60,30 @@ def angles_from_holes(flight: Flight, vehicle: Vehicle, shown: Mapping[str, Arra
 
 
 def recalibrated(probe: AirData, values: Mapping[str, float]) -> AirData:
-    """The probe with its calibration corrected by the estimated `values` (name -> value, SI).
+    """The probe with its calibration, of every configuration, corrected by the estimated `values`
+    (name -> value, SI).
 
     Parameters are those of `known_names` that begin with ``probe_``; a probe without calibration
     stays.
     """
-    if probe.five_hole is None:
-        return probe
+    return probe.model_copy(
+        update={
+            "five_hole": _corrected(probe.five_hole, values),
+            "configurations": [
+                each.model_copy(update={"five_hole": _corrected(each.five_hole, values)})
+                for each in probe.configurations
+            ],
+        }
+    )
+
+
+def _corrected(probe: FiveHole | None, values: Mapping[str, float]) -> FiveHole | None:
+    if probe is None:
+        return None
     pairs = {
-        name: _curve(getattr(probe.five_hole, name), f"probe_{name}", values)
-        for name in ("alpha", "beta")
+        name: _curve(getattr(probe, name), f"probe_{name}", values) for name in ("alpha", "beta")
     }
-    return probe.model_copy(update={"five_hole": FiveHole(**pairs)})
+    return FiveHole(**pairs)
 
 
 def _curve(declared: Curve, name: str, values: Mapping[str, float]) -> Curve:

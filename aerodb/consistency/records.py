@@ -20,7 +20,7 @@ from aerodb.flight import Flight
 from aerodb.physics import HIGHEST_LATITUDE, Earth, specific_force_at_cg
 from aerodb.signals import FEWEST_SAMPLES, bridge, low_passed, smooth
 from aerodb.support import Array
-from aerodb.vehicle import Vehicle, mass_channels, velocity_at_cg
+from aerodb.vehicle import Vehicle, mass_channels, probe_configuration, velocity_at_cg
 
 #: Gaps in the inertial channels up to this length (s) are bridged; longer ones end a record.
 SHORT_GAP = 0.2
@@ -199,7 +199,7 @@ def records_from_flight(
     enough.
     """
     moved = inertial_inputs(flight, vehicle)
-    runs = _gapless_runs(flight, moved.names)
+    runs = _gapless_runs(flight, vehicle, moved.names)
     if not runs:
         raise InputError(
             f"no {SETTLED:g} s without a gap",
@@ -207,14 +207,15 @@ def records_from_flight(
             "see its flags for what was lost",
         )
     outputs, raw = _outputs(flight, vehicle, moved)
-    how = installation_from_vehicle(vehicle, moved.cg, raw)
     earth = _earth(flight) if rotating else None
     integrated = moved.values if earth is not None else _over_flat_earth(flight, moved)
     noise = _input_noise(moved.values, decimation) if decimation > 1 else None
     gravity = _gravity(flight)
     records: list[FlightRecord] = []
+    number = probe_configuration(flight, vehicle.air_data)
     for start, stop in runs:
         whole = slice(start, stop)
+        how = installation_from_vehicle(vehicle, moved.cg, raw, int(number[start]))
         inputs = np.column_stack(
             [_decimated(integrated[whole, k], flight.step, decimation) for k in range(6)]
         )
@@ -374,8 +375,9 @@ def _input_noise(inputs: Array, decimation: int) -> tuple[float, ...]:
     return tuple(float(value) for value in sigma)
 
 
-def _gapless_runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]:
-    """(start, stop) of the stretches that are long enough and have no long gap."""
+def _gapless_runs(flight: Flight, vehicle: Vehicle, names: Sequence[str]) -> list[tuple[int, int]]:
+    """(start, stop) of the stretches that are long enough, have no long gap, and in which the
+    probe's configuration stays the same."""
     good = flight.usable(names, despite=IGNORED_FLAGS)
     if "V" in flight and np.isfinite(flight["V"]).any():
         # at rest there are no flow angles; a short loss of airspeed does not end a record
@@ -388,8 +390,14 @@ def _gapless_runs(flight: Flight, names: Sequence[str]) -> list[tuple[int, int]]
             merged[-1][1] = stop
         else:
             merged.append([start, stop])
+    changes = np.flatnonzero(np.diff(probe_configuration(flight, vehicle.air_data))) + 1
     least = max(SETTLED / flight.step, FEWEST_SAMPLES)
-    return [(start, stop) for start, stop in merged if stop - start >= least]
+    parts = [
+        pair
+        for start, stop in merged
+        for pair in pairwise([start, *changes[(changes > start) & (changes < stop)].tolist(), stop])
+    ]
+    return [(start, stop) for start, stop in parts if stop - start >= least]
 
 
 def _windows(n: int, longest: float) -> list[tuple[int, int]]:

@@ -38,7 +38,7 @@ if TYPE_CHECKING:
     from .five_hole import Curve, FiveHole, flow_angles, pressure_ratio
     from .mass_properties import MASS_CHANNELS, MassEvent, MassProperties
     from .on_flights import add_combinations, cg_positions, mass_channels, with_mass_channels
-    from .probe import air_data_at_cg, angles_from_pressures, velocity_at_cg
+    from .probe import air_data_at_cg, angles_from_pressures, probe_configuration, velocity_at_cg
     from .rotorcraft import (
         FLOW,
         FULL,

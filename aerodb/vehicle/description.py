@@ -61,19 +61,74 @@ class Points(Strict):
     gps: Point | None = None
 
 
+class ProbeConfiguration(Strict):
+    """What is another about the flow at the probe while a channel is within limits, such as with
+    the gear down or flaps.
+
+    channel : that tells of it. above, below : limits, in its SI unit. upwash, five_hole : as of
+    `AirData`; None: as without this configuration.
+    """
+
+    channel: str
+    above: float = -np.inf
+    below: float = np.inf
+    upwash: tuple[Number, Number] | None = None
+    five_hole: FiveHole | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _in_the_unit_of_the_channel(cls, data: Any) -> Any:
+        if not isinstance(data, dict) or not isinstance(data.get("channel"), str):
+            return data
+        limits = {
+            key: _converted(data["channel"], data[key]) for key in ("above", "below") if key in data
+        }
+        return {**data, **limits}
+
+    @model_validator(mode="after")
+    def _tells_something(self) -> Self:
+        try:
+            channel(self.channel)
+        except UnknownNameError as error:
+            raise ValueError(f"{error.what}; {error.remedy}") from None
+        if not self.above < self.below or np.isinf([self.above, self.below]).all():
+            raise ValueError("state above, below or both, above the lower one")
+        if self.upwash is None and self.five_hole is None:
+            raise ValueError("it changes nothing: state upwash or five_hole")
+        return self
+
+
 class AirData(Strict):
     """Installation and calibration of the air-data probe.
 
     orientation : roll, pitch and yaw of the boom relative to the body axes [rad] (3-2-1, pitch nose
     up). upwash : for alpha and beta, the fraction by which the flow angle at the probe exceeds that
     of the free stream. beta : ``sideslip`` asin(v/V), or ``flank`` angle atan2(v, u) as measured by
-    a free vane. five_hole : calibration of a five-hole probe's raw pressures.
+    a free vane. five_hole : calibration of a five-hole probe's raw pressures. configurations : in
+    which these differ; the first that holds counts.
     """
 
     orientation: tuple[Radians, Radians, Radians] = (0.0, 0.0, 0.0)
     upwash: tuple[Number, Number] = (0.0, 0.0)
     beta: Literal["sideslip", "flank"] = "sideslip"
     five_hole: FiveHole | None = None
+    configurations: list[ProbeConfiguration] = []
+
+    @model_validator(mode="after")
+    def _holes_without_configuration(self) -> Self:
+        if self.five_hole is None and any(each.five_hole for each in self.configurations):
+            raise ValueError("state five_hole of the probe without a configuration too")
+        return self
+
+    def alternatives(self) -> tuple["AirData", ...]:
+        """Return the probe as it is without configurations, then in each (a tuple of c + 1)."""
+        plain = self.model_copy(update={"configurations": []})
+        return (plain, *(plain.model_copy(update=_changed(each)) for each in self.configurations))
+
+
+def _changed(given: ProbeConfiguration) -> dict[str, Any]:
+    both = {"upwash": given.upwash, "five_hole": given.five_hole}
+    return {name: value for name, value in both.items() if value is not None}
 
 
 class LogSource(Strict):

@@ -6,6 +6,7 @@ The rotation of the aircraft moves a probe away from the CG, such as a nose boom
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerodb.flight import Bits, Flight
 from aerodb.support import Array, Dual, body_to_earth
@@ -53,7 +54,7 @@ def air_data_at_cg(flight: Flight, vehicle: Vehicle) -> Flight:
 
     Each correction adds a note. Raises InputError as `mass_channels` does.
     """
-    flight = _as_flow_angles(_from_pressures(flight, vehicle.air_data), vehicle.air_data)
+    flight = _at_probe(flight, vehicle.air_data)
     if vehicle.points.air_data is None:
         return flight
     absent = [name for name in ("V", "alpha", "p", "q", "r") if name not in flight]
@@ -79,11 +80,50 @@ def angles_from_pressures(flight: Flight, probe: AirData) -> dict[str, Array]:
     They hold at the air-data point, in body axes. Empty if a pressure or the calibration is
     missing.
     """
-    bare = {name: flight[name] for name in _PRESSURES if name in flight}
-    angles = _as_flow_angles(
-        _from_pressures(replace(flight, channels=bare, flags={}), probe), probe
-    )
+    wanted = (*_PRESSURES, *(each.channel for each in probe.configurations))
+    bare = {name: flight[name] for name in wanted if name in flight}
+    angles = _at_probe(replace(flight, channels=bare, flags={}), probe)
     return {name: angles[name] for name in ("alpha", "beta") if name in angles}
+
+
+def probe_configuration(flight: Flight, probe: AirData) -> NDArray[np.int64]:
+    """Return which of `AirData.alternatives` the probe is in at each sample (n,): 0 where no
+    configuration holds, or its channel is not logged."""
+    found = np.zeros(len(flight.time), dtype=np.int64)
+    for number, each in reversed(list(enumerate(probe.configurations, start=1))):
+        if each.channel in flight:
+            values = flight[each.channel]
+            found[(values > each.above) & (values < each.below)] = number
+    return found
+
+
+def _at_probe(flight: Flight, probe: AirData) -> Flight:
+    """Return the flight with alpha and beta at the probe in body axes, each sample by the
+    configuration that holds."""
+    if not probe.configurations:
+        return _as_flow_angles(_from_pressures(flight, probe), probe)
+    number = probe_configuration(flight, probe)
+    made = {
+        each: _as_flow_angles(_from_pressures(flight, alternative), alternative)
+        for each, alternative in enumerate(probe.alternatives())
+        if each in number
+    }
+    most = max(made, key=lambda each: len(made[each].channels))
+    angles = [name for name in ("alpha", "beta") if name in made[most]]
+    nothing = np.full(len(flight.time), np.nan)
+    together = {
+        name: np.select(
+            [number == each for each in made],
+            [each.channels.get(name, nothing) for each in made.values()],
+        )
+        for name in angles
+    }
+    absent = [each.channel for each in probe.configurations if each.channel not in flight]
+    notes = [
+        f"{name} not logged: the probe is taken as without that configuration"
+        for name in dict.fromkeys(absent)
+    ]
+    return replace(made[most].with_channels(together), notes=(*made[most].notes, *notes))
 
 
 def _velocity(flight: Flight) -> Array:

@@ -61,7 +61,9 @@ class Installation:
     beam: tuple[float, float] = (0.0, 0.0)
 
 
-def installation_from_vehicle(vehicle: Vehicle, cg: Array, raw: bool) -> Installation:
+def installation_from_vehicle(
+    vehicle: Vehicle, cg: Array, raw: bool, configuration: int = 0
+) -> Installation:
     """The sensor installation that a vehicle file declares.
 
     Parameters
@@ -70,13 +72,14 @@ def installation_from_vehicle(vehicle: Vehicle, cg: Array, raw: bool) -> Install
     cg : (3,), mean CG relative to the datum, body axes [m].
     raw : whether air data are as the probe shows them; otherwise boom, upwash and calibration have
         already been removed (`aerodb.vehicle.probe.air_data_at_cg`).
+    configuration : number of the probe's (`AirData.alternatives`).
     """
     gps = (
         (0.0, 0.0, 0.0)
         if vehicle.points.gps is None
         else tuple(float(x) for x in np.asarray(vehicle.points.gps) - cg)
     )
-    probe = vehicle.air_data
+    probe = vehicle.air_data.alternatives()[configuration]
     arm = (gps[0], gps[1], gps[2])
     if not raw:
         return Installation(arm)

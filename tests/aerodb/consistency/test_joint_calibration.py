@@ -11,9 +11,13 @@ from aerodb.flight import Flight
 from aerodb.logs.mapping import map_recording
 from aerodb.storage.mappings import load_mapping
 from aerodb.storage.readers.any_format import read_log
-from aerodb.vehicle import parse_vehicle
+from aerodb.vehicle import air_data_at_cg, parse_vehicle
 from tests.support.consistency_records import TWIN_OTTER
 from tests.support.consistent_flights import NAME, PLANTED, VEHICLE, table
+from tests.support.installed_flights import BIASES, PRESSURES
+from tests.support.installed_flights import table as installed
+from tests.support.installed_flights import vehicle as probed_vehicle
+from tests.support.instrumented_path import PROBE
 
 RECORDS = ("f1_017", "9752ed20", "demo")
 
@@ -157,3 +161,51 @@ def test_a_sum_known_well_tells_flights_apart_that_know_neither_part():
         apart += (2,) in groups
     assert alike >= 38
     assert apart == 40
+
+
+#: The flow with the gear down: what the probe's calibration is off by there.
+GEAR_DOWN = {"probe_alpha_offset": 0.02, "probe_alpha_slope": 0.1, "probe_beta_slope": -0.06}
+WITH_GEAR = f"""
+[[air_data.configurations]]
+channel = "delta_landing_gear"
+above = 0.5
+[air_data.configurations.five_hole.alpha]
+slope = {1.1 * PROBE.alpha.slope}
+offset = {0.02 / 1.1}
+break_angle = {PROBE.alpha.break_angle}
+[air_data.configurations.five_hole.beta]
+slope = {0.94 * PROBE.beta.slope}
+"""
+
+
+def _probed(seed, down, declared):
+    """A flight whose angles come from raw pressures, with the gear up or down throughout, as a
+    vehicle file makes it."""
+    planted = {**BIASES, **(GEAR_DOWN if down else {})}
+    columns = installed(planted, PRESSURES, seed=seed, seconds=40.0)
+    channels = {name: values for name, values in columns.items() if name != "time"}
+    channels["delta_landing_gear"] = np.full(len(columns["time"]), float(down))
+    vehicle = parse_vehicle(probed_vehicle(holes=True) + (WITH_GEAR if declared else ""))
+    return air_data_at_cg(Flight(f"{seed:064d}", NAME, columns["time"], channels), vehicle), vehicle
+
+
+def test_a_probe_that_the_gear_disturbs_is_identified_from_flights_in_both_configurations():
+    """Flights with the gear down give what was planted, those with it up nothing. Stated in the
+    vehicle file, that leaves no error of the probe in any; unstated, it does."""
+    made = [_probed(seed, seed > 2, declared=False) for seed in range(1, 5)]
+    flights, vehicle = [flight for flight, _ in made], made[0][1]
+    up, down = (
+        joint_calibrations(part, vehicle)[-1].by_name for part in (flights[:2], flights[2:])
+    )
+    for name, value in GEAR_DOWN.items():
+        found, error = down[name]
+        assert abs(found - value) < 3.5 * error, name
+        assert abs(up.get(name, (0.0,))[0]) < 0.002
+    mixed = joint_calibrations(flights, vehicle)[-1].by_name
+    assert abs(mixed["probe_alpha_offset"][0]) > 0.005
+
+    made = [_probed(seed, seed > 2, declared=True) for seed in range(1, 5)]
+    (calibration,) = joint_calibrations([flight for flight, _ in made], made[0][1])
+    for name, (value, error) in calibration.by_name.items():
+        if name.startswith("probe_"):
+            assert abs(value) < 3.5 * error < 0.002, name

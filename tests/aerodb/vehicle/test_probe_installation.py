@@ -201,3 +201,85 @@ def test_captive_flight_is_no_aerodynamics(tmp_path):
     free = Flight("g", "probed", TIME, channels)
     assert flag_captive(free) is free
     assert free.with_flag("q", "gap", TIME < 1.0).flags["q"].dtype == np.uint8
+
+
+GEAR = """
+[[air_data.configurations]]
+channel = "delta_landing_gear"
+above = 0.5
+upwash = [0.18, 0.02]
+[air_data.configurations.five_hole.alpha]
+slope = "0.075 1/deg"
+offset = "0.9 deg"
+[air_data.configurations.five_hole.beta]
+slope = 4.0
+[[air_data.configurations]]
+channel = "delta_flap"
+above = "10 deg"
+upwash = [0.16, 0.05]
+"""
+
+
+def test_a_probe_whose_calibration_depends_on_gear_and_flaps():
+    """The gear moves within the flight: each sample is corrected as it was spoiled, by the formulas
+    written out. What a configuration does not state stays; the first that holds counts."""
+    head, tail = VEHICLE.split("[mass]")
+    vehicle = parse_vehicle(
+        (head + GEAR + "[mass]" + tail)
+        .replace("bend = -0.1\n", "")
+        .replace("square = 0.3\ncross = 0.4\n", "")
+    )
+    shown, exact = _shown(), truth(TIME)
+    gear = np.where(TIME > 12.0, 1.0, 0.0)
+    flap = np.deg2rad(np.where(TIME > 7.0, 20.0, 0.0))
+    clean, flaps = (TIME <= 7.0), (TIME > 7.0) & (TIME <= 12.0)
+    upwash = [
+        np.select([clean, flaps], [a, b], c) for a, b, c in ((0.12, 0.16, 0.18), (0.05, 0.05, 0.02))
+    ]
+    alpha = (1.0 + upwash[0]) * shown["alpha"]
+    beta = (1.0 + upwash[1]) * np.arctan(np.tan(shown["beta"]) / np.cos(shown["alpha"]))
+    slope = 180.0 / np.pi * np.where(gear > 0.5, 0.075, 0.08)
+    offset = np.deg2rad(np.where(gear > 0.5, 0.9, 0.5))
+    channels = {
+        "V": shown["V"],
+        "qbar": shown["qbar"],
+        "probe_dp_alpha": shown["qbar"] * slope * (alpha + offset),
+        "probe_dp_beta": shown["qbar"] * np.where(gear > 0.5, 4.0, 4.2) * beta,
+        "delta_landing_gear": gear,
+        "delta_flap": flap,
+        **{name: exact[name] for name in "pqr"},
+    }
+    flight = air_data_at_cg(Flight("f", "probed", TIME, channels), vehicle)
+    for name in ("alpha", "beta"):
+        np.testing.assert_allclose(flight[name], exact[name], atol=1e-9, err_msg=name)
+    assert not [note for note in flight.notes if "taken as" in note]
+
+    plain = parse_vehicle(
+        VEHICLE.replace("bend = -0.1\n", "").replace("square = 0.3\ncross = 0.4\n", "")
+    )
+    one = air_data_at_cg(Flight("f", "probed", TIME, channels), plain)
+    assert np.abs(one["alpha"] - exact["alpha"])[clean].max() < 1e-9
+    assert np.abs(one["alpha"] - exact["alpha"])[gear > 0.5].min() > 0.003
+
+    del channels["delta_landing_gear"]
+    told = air_data_at_cg(Flight("f", "probed", TIME, channels), vehicle)
+    assert "delta_landing_gear not logged: the probe is taken as without" in " ".join(told.notes)
+    assert np.abs(told["alpha"] - exact["alpha"])[clean].max() < 1e-9
+
+
+@pytest.mark.parametrize(
+    ("wrong", "said"),
+    [
+        (GEAR.replace("delta_landing_gear", "delta_gaer!"), "gaer"),
+        (GEAR.replace("above = 0.5\n", ""), "state above, below or both"),
+        (
+            GEAR.replace('above = "10 deg"\nupwash = [0.16, 0.05]', "above = 1"),
+            "it changes nothing",
+        ),
+    ],
+)
+def test_a_configuration_that_tells_nothing_is_refused(wrong, said):
+    head, tail = VEHICLE.split("[mass]")
+    with pytest.raises(InputError) as error:
+        parse_vehicle(head + wrong + "[mass]" + tail)
+    assert said in str(error.value)
