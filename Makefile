@@ -5,6 +5,8 @@ BIN := $(VENV)/bin
 # Test processes: one more than cores, as some tests wait for servers and disks.
 JOBS ?= $(shell $(PYTHON) -c 'import os; print((os.cpu_count() or 1) + 1)')
 READY := $(VENV)/.ready
+# With what tests, lint and benchmarks need besides.
+TESTED := $(VENV)/.tested
 # Tools that only a release needs.
 RELEASE := .venv-release
 # Tools that only the documentation site needs.
@@ -14,30 +16,37 @@ DOCS := .venv-docs
 
 install: $(READY)
 
-$(READY): requirements-hashed.txt pyproject.toml
+PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps
+# Compiled is what commands import, on all cores; pip would compile one file after the other, of which half are tests of their packages.
+$(READY): flows/deploy/runtime.txt pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "aerodb needs python3 >= 3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --require-hashes -r requirements-hashed.txt
-	$(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps --no-build-isolation -e .
+	$(PIP) --no-compile --require-hashes -r flows/deploy/runtime.txt
+	$(PIP) --no-build-isolation -e .
+	-$(BIN)/python -m compileall -qq -j 0 -x '/(tests|pip)/' $(VENV)/lib aerodb flows tasks storage
 	$(BIN)/python -m aerodb.flows.compile_kernels
 	@touch $(READY)
+
+$(TESTED): requirements-hashed.txt $(READY)
+	$(PIP) --no-compile --require-hashes -r requirements-hashed.txt
+	@touch $(TESTED)
 
 demo: install
 	$(BIN)/aerodb --workspace demo-workspace demo --seed 5
 
-pictures: demo
+pictures: demo $(TESTED)
 	$(BIN)/python -m tests.support.demo_pictures demo-workspace docs/pictures
 
 # What is imported is compiled once, not again by each of the hundreds of processes.
-test check campaign: export PYTHONDONTWRITEBYTECODE =
-test: install
+install demo test check campaign: export PYTHONDONTWRITEBYTECODE =
+test: $(TESTED)
 	$(BIN)/python -m pytest -n $(JOBS) --dist loadfile
 
 # What the change (against origin/main, or HEAD) reaches, the nearest first, for a minute and a half.
-check: install
+check: $(TESTED)
 	files=`$(BIN)/python -m tests.support.reached`; test -z "$$files" || $(BIN)/python -m pytest -n $(JOBS) --dist loadfile --within 90 $$files
 
-lint: install
+lint: $(TESTED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/vulture
@@ -57,10 +66,10 @@ $(DOCS)/.ready: flows/deploy/docs-tools.txt
 	cd $(DOCS)/lib/python*/site-packages && echo "import site; site.addsitedir('`echo $(CURDIR)/$(VENV)/lib/python*/site-packages`')" > aerodb.pth
 	@touch $@
 
-bench: install
+bench: $(TESTED)
 	$(BIN)/python -m tests.bench
 
-campaign: install
+campaign: $(TESTED)
 	$(BIN)/python -m pytest -n $(JOBS) -m "heavy or campaign" --full-campaign
 
 # The hashes of all pins: of everything, and of what production needs (the tools of the tests stay out).
