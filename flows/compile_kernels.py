@@ -7,6 +7,10 @@ time, which every process would spend that starts before the code is there. The 
 Prefect's empty database, which a new workspace gets as a copy.
 """
 
+import os
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
+
 import numpy as np
 
 from aerodb.consistency import make_consistent
@@ -29,15 +33,26 @@ _STEP = 0.05
 
 
 def compile_kernels() -> None:
-    """Read a log; reconstruct, predict, simulate and filter a short flight of the built-in example,
-    so that later processes find the compiled code."""
+    """Use the kernels in processes of their own, one for each core, so that later processes find
+    the compiled code."""
+    with ProcessPoolExecutor(os.cpu_count(), get_context("spawn")) as processes:
+        for begun in [processes.submit(each) for each in (_reconstructed, _simulated)]:
+            begun.result()
+
+
+def _reconstructed() -> None:
+    """Read logs, and reconstruct a short flight of the built-in example."""
     for suffix in (".ulg", ".bin"):
         prepare_reader(suffix)
     prepare_elimination()
     played(np.zeros(2), 1.0)
     vehicle = parse_vehicle(read_example("vehicle.toml"))
-    flight = _flight(vehicle.name)
-    make_consistent(flight, vehicle)
+    make_consistent(_flight(vehicle.name), vehicle)
+
+
+def _simulated() -> None:
+    """Predict, simulate and filter a short flight of the built-in example."""
+    flight = _flight("any")
     database = read_native(read_example("preflight.toml"))
     database.predict({name: np.zeros(len(flight.time)) for name in database.inputs})
     model = flight_model(database)
