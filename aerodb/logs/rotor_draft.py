@@ -12,9 +12,10 @@ import numpy as np
 
 from aerodb.logs.autopilot import LoggedAircraft
 from aerodb.logs.rotors import FoundRotor, FoundRotors
+from aerodb.logs.time_grid import SETTLED
 from aerodb.logs.vehicle_draft import surface_blocks
 from aerodb.recording import Recording, Topic
-from aerodb.signals import band_passed, first_order_lag, smooth, uniform_grid
+from aerodb.signals import band_passed, first_order_lag, low_passed, smooth, uniform_grid
 from aerodb.support import Array
 from aerodb.vehicle import UNKNOWN_INERTIA
 
@@ -28,6 +29,10 @@ _BAND: Final = (0.3, 8.0)
 _RATE, _LEAST = 250.0, 10.0
 #: Lags [s] of rotors that are tried: none to the slowest of large propellers.
 _LAGS: Final = np.round(np.arange(0.0, 0.2001, 0.005), 4)
+#: Samples at the start of a log in which speeds are not known: commands before it may still act.
+_UNKNOWN: Final = round(SETTLED * float(_LAGS[-1]) * _RATE)
+#: Least sum of the rotors' shares of speed that a flow is told by.
+_STILL: Final = 1e-3
 #: Least correlation of turning with the rotors' moments for an inertia to be told from it.
 _FOLLOWS: Final = 0.7
 #: Airspeed [m/s] at which a wing carries its aircraft, where no parameter states it: PX4's default
@@ -62,8 +67,11 @@ def learnt_inertia(recording: Recording, found: FoundRotors) -> LearntInertia:
     """Return inertia over mass (scalars) as angular acceleration and specific force tell it.
 
     The thrust of all rotors is the specific force along z. So the moments of their shares per kg
-    are known by their places. Least squares of them and of the rate on the angular acceleration,
-    between .3 and 8 Hz, give the inertia over mass. The lag is that of the best correlation.
+    are known by their places. What a steady thrust per square of speed does not explain of that
+    force is of the flow through the rotors, and goes with their speed. Least squares of moments,
+    the rate, which damps, and the gyroscopic product of the other two on the angular acceleration,
+    between .3 and 8 Hz, give the inertia over mass. The lag is that of the best correlation, by a
+    parabola through the three best.
     """
     nothing = LearntInertia(np.nan, np.nan, np.nan, (np.nan, np.nan))
     if not (found.logged and found.placed):
@@ -74,41 +82,64 @@ def learnt_inertia(recording: Recording, found: FoundRotors) -> LearntInertia:
         return nothing
     start = max(rates[0].time[0], force[0].time[0])
     end = min(rates[0].time[-1], force[0].time[-1])
-    if not end - start > _LEAST:
+    if not end - start > _LEAST + _UNKNOWN / _RATE:
         return nothing
     grid = uniform_grid(float(start), float(end), 1.0 / _RATE)
     lifting = found.lifting
     speeds = np.array([_share(recording.topics[r.topic], r, grid) for r in lifting])
-    flying = speeds.mean(axis=0) > 0.5 * np.quantile(speeds.mean(axis=0), 0.95)
+    level = speeds[:, _UNKNOWN:].mean(axis=0)
+    flying = level > 0.5 * np.quantile(level, 0.95)
     if flying.sum() < _LEAST * _RATE:
         return nothing
     strength = np.array([rotor.strength for rotor in lifting])
     places = np.array([rotor.position for rotor in lifting])
-    p, q = (_on(rates[0], rates[1].format(_named(rates[1], axis)), grid) for axis in range(2))
+
+    def banded(values: Array) -> Array:
+        return band_passed(values[_UNKNOWN:], 1.0 / _RATE, *_BAND)[flying]
+
+    raw = [_on(rates[0], rates[1].format(_named(rates[1], axis)), grid) for axis in range(3)]
+    p, q, r = (low_passed(rate, 1.0 / _RATE, _BAND[1]) for rate in raw)
     az = _on(force[0], force[1].format(_named(force[1], 2)), grid)
-    damped = [band_passed(rate, 1.0 / _RATE, *_BAND)[flying] for rate in (p, q)]
-    turning = [smooth(rate, 1.0 / _RATE, _BAND[1]).rate for rate in (p, q)]
-    turning = [band_passed(rate, 1.0 / _RATE, *_BAND)[flying] for rate in turning]
-    best = nothing
+    az = low_passed(az, 1.0 / _RATE, _BAND[1])
+    turns = [
+        (np.column_stack([banded(rate), banded(across * r)]),
+         banded(smooth(each, 1.0 / _RATE, _BAND[1]).rate))
+        for rate, across, each in zip((p, q), (q, p), raw, strict=False)
+    ]  # fmt: skip
+    told = []
     for lag in _LAGS:
-        share = np.array([first_order_lag(each, 1.0 / _RATE, lag) for each in speeds]) ** 2
-        share = strength[:, None] * share
-        lift = -np.median(az[flying]) / np.median(share.sum(axis=0)[flying])
-        moments = (-places[:, 1] @ share * lift, places[:, 0] @ share * lift)
-        told = [
-            _told(band_passed(moment, 1.0 / _RATE, *_BAND)[flying], *turn)
-            for moment, *turn in zip(moments, damped, turning, strict=True)
-        ]
-        correlation = (told[0][1], told[1][1])
-        if not np.isfinite(best.lag) or sum(correlation) > sum(best.correlation):
-            best = LearntInertia(told[0][0], told[1][0], float(lag), correlation)
-    return best if min(best.correlation) > _FOLLOWS else nothing
+        turned = np.array([first_order_lag(each, 1.0 / _RATE, lag) for each in speeds])
+        first, second = strength[:, None] * turned, strength[:, None] * turned**2
+        steady = second.sum(axis=0)
+        lift = -np.median(az[_UNKNOWN:][flying]) / np.median(steady[_UNKNOWN:][flying])
+        flow = (-az - lift * steady) / np.maximum(first.sum(axis=0), _STILL)
+        thrust = lift * second + flow * first
+        moments = (-places[:, 1] @ thrust, places[:, 0] @ thrust)
+        told.append([_told(banded(m), *turn) for m, turn in zip(moments, turns, strict=True)])
+    (x, along_x), (y, along_y) = np.moveaxis(np.array(told), 0, -1)
+    best = int(np.argmax(along_x + along_y))
+    if not min(along_x[best], along_y[best]) > _FOLLOWS:
+        return nothing
+    lag = round(_peak(_LAGS, along_x + along_y, best), 4)
+    correlation = (float(along_x[best]), float(along_y[best]))
+    return LearntInertia(float(x[best]), float(y[best]), lag, correlation)
 
 
-def _told(moment: Array, rate: Array, turn: Array) -> tuple[float, float]:
-    """Inertia over mass, and correlation of what moments per kg and the rate, which damps, make of
-    the angular acceleration (n,) with it."""
-    columns = np.column_stack([moment, rate])
+def _peak(at: Array, values: Array, best: int) -> float:
+    """Where the parabola through the largest value (k,) and its neighbours is largest; at an end,
+    there. at : (k,), equally spaced."""
+    if not 0 < best < len(at) - 1:
+        return float(at[best])
+    low, middle, high = values[best - 1 : best + 2]
+    bend = low - 2.0 * middle + high
+    moved = 0.5 * (low - high) / bend if bend < 0.0 else 0.0
+    return float(at[best] + (at[1] - at[0]) * moved)
+
+
+def _told(moment: Array, motion: Array, turn: Array) -> tuple[float, float]:
+    """Inertia over mass, and correlation of what moments per kg (n,) and motion (n, k) make of the
+    angular acceleration (n,) with it."""
+    columns = np.column_stack([moment, motion])
     share = np.linalg.lstsq(columns, turn, rcond=None)[0]
     made = columns @ share
     size = np.sqrt(float(made @ made) * float(turn @ turn))

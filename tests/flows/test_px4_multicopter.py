@@ -56,9 +56,9 @@ def test_the_drafts_hold_the_autopilots_own_rotors(flown: Path) -> None:
     assert [each.log.field for each in vehicle.rotors.values()] == [
         f"control[{k}]" for k in range(4)
     ]
-    assert vehicle.rotors["1"].lag == pytest.approx(MOTOR, abs=1e-9)
+    assert vehicle.rotors["1"].lag == pytest.approx(MOTOR, abs=5e-4)
     inertia = np.array([vehicle.mass.Ixx, vehicle.mass.Iyy]) / (INERTIA[:2] / MASS)
-    assert np.all(np.abs(inertia - 1.0) < 0.05)
+    assert np.all(np.abs(inertia - 1.0) < 0.02)
     text = (flown / "quad-rotors.toml").read_text()
     for x, y, z, _ in ROTORS:
         assert f"position = [{x:g}, {y:g}, {z:g}]" in text
@@ -139,12 +139,12 @@ def test_a_selection_is_stored_with_its_estimate(flown: Path) -> None:
     assert answer["select"] == ["time > 10 s", "command_1 > 0.3"]
     whole = asked(flown / "workspace", *words)
     assert "select" not in whole
-    thrust = [
-        next(each for each in one["parameters"] if each["parameter"] == "rotor_cT0")["estimates"]
-        for one in (answer, whole)
-    ]
-    errors = [each["regression"]["standard_error"] for each in thrust]
-    assert errors[0] > errors[1]  # two thirds of the flight tell less
+    # Two thirds of the samples tell less; the air that standard errors include is each one's own.
+    reports = [one["methods"][0]["report"] for one in (answer, whole)]
+    samples = [int(re.findall(r"(\d+) samples;", each)[0]) for each in reports]
+    bounds = [float(re.findall(r"rotor_cT0 .* Cramer-Rao (\S+)", each)[0]) for each in reports]
+    assert 0.5 < samples[0] / samples[1] < 0.75
+    assert bounds[0] > bounds[1]
     refused = aerodb(flown / "workspace", *words, "--select", "time > 1 h")
     assert (refused.returncode, "no sample is selected" in refused.stderr) == (3, True)
 
