@@ -206,8 +206,9 @@ def project_sitl(database: AeroDatabase, travels: Mapping[str, float]) -> AeroDa
     """Return the plane model nearest to a database; itself, if it is one and has no increments.
 
     travels : full travel of a surface [rad], by its name. Raises InputError where a surface of the
-    database has none.
+    database has none, and for rotors that lift.
     """
+    _refuse_lifting(database)
     plain = model_in(database, (*_NUMBERS, *_OFFSET), build_sitl)
     if plain is not None and not database.increments:
         return build_sitl(plain, database.name)
@@ -226,6 +227,24 @@ def project_sitl(database: AeroDatabase, travels: Mapping[str, float]) -> AeroDa
     numbers = _added(base, slopes, controls)
     numbers["oswald"] = efficiency(factor + slopes.polar[3], aspect)
     return build_sitl(Model(numbers, reference, controls), database.name)
+
+
+def _refuse_lifting(database: AeroDatabase) -> None:
+    """Raise InputError for rotors that tilt or whose axis is nearer to upwards than to level.
+
+    SITL's own frame file for them (`SIM_Frame.h`) wants voltage and current of a reference flight,
+    which no database has, and knows no advance ratio.
+    """
+    from aerodb.parts import rotors_of
+
+    for name, rotor in rotors_of(database.parts).items():
+        if rotor.tilt is not None or -rotor.axis[2] > math.hypot(*rotor.axis[:2]):
+            raise InputError(
+                "a rotor that lifts, which the plane model of ArduPilot's SITL cannot hold",
+                f"part {name}",
+                "its frame file wants a battery's voltage and current in a reference flight, and"
+                " has no advance ratio. Choose --format jsbsim or gazebo: SITL flies with both",
+            )
 
 
 def _travel(database: AeroDatabase, key: str, travels: Mapping[str, float]) -> Variable:

@@ -7,7 +7,14 @@ import pytest
 from lxml import etree
 
 from aerodb.errors import InputError
-from aerodb.exchange import export_motors, motor_database, project_motors, read_motors, read_native
+from aerodb.exchange import (
+    export_motors,
+    motor_database,
+    project_motors,
+    project_sitl,
+    read_motors,
+    read_native,
+)
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase, failed_check_cases, make_check_cases
 from tests.support.command import aerodb, asked
@@ -166,3 +173,25 @@ def test_a_version_is_exported_by_the_command(tmp_path: Path) -> None:
     said = aerodb(tmp_path / "w", *words, str(tmp_path / "again.sdf")).stdout.splitlines()
     assert "read back, 25 check cases pass" in said[1]
     assert any("9.64 N" in line for line in said)
+
+
+def test_rotors_that_lift_are_refused_for_sitl_and_a_pusher_is_not(tmp_path: Path) -> None:
+    """A plane model of a quadrotor was written, all of its coefficients zero."""
+    (tmp_path / "vehicle.toml").write_text(VEHICLE)
+    (tmp_path / "quad.toml").write_text(QUADROTOR + BODY)
+    pushed = QUADROTOR.replace("turns", "axis = [1.0, 0.0, -0.2]\nturns")
+    (tmp_path / "pushed.toml").write_text(pushed)
+    asked(tmp_path / "w", "vehicle", "add", str(tmp_path / "vehicle.toml"))
+    for name in ("quad", "pushed"):
+        words = ("database", "import", str(tmp_path / f"{name}.toml"), "--vehicle", "quad")
+        asked(tmp_path / "w", *words)
+    end = ("--format", "sitl", "--output", "plane.json")
+    done = aerodb(tmp_path / "w", "version", "export", "v0001", *end, folder=tmp_path)
+    assert done.returncode == 3
+    assert "a rotor that lifts" in done.stderr
+    assert "no advance ratio" in done.stderr
+    assert not (tmp_path / "plane.json").exists()
+    done = aerodb(tmp_path / "w", "version", "export", "v0002", *end, folder=tmp_path)
+    assert done.returncode == 0, done.stderr
+    with pytest.raises(InputError, match="front_right"):
+        project_sitl(read_native(pushed.replace("turns", 'tilt = "0.1"\nturns', 1)), {})
