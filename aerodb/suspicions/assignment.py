@@ -56,7 +56,7 @@ def assignment_suspicions(
         role: [n for n, c in controls.items() if c.role == role and n in known] for role in MOTION
     }
     table = {
-        role: {other: _explained(axis, known, names) for other, names in groups.items() if names}
+        role: _shares(axis, known, groups)
         for role, axis in axes.items()
         if groups[role] and _is_finite(axis)
     }
@@ -88,18 +88,34 @@ def _rest(axis: EquationError) -> tuple[Array, Array]:
     return moment - basis @ (basis.T @ moment), basis
 
 
-def _explained(axis: EquationError, known: Mapping[str, Array], names: list[str]) -> _Share:
+def _shares(
+    axis: EquationError, known: Mapping[str, Array], groups: Mapping[str, list[str]]
+) -> dict[str, _Share]:
+    """Role -> what its histories explain of the axis. All are judged with as many independent
+    samples, those of what the role leaves that explains most: each by its own, a history that
+    leaves a coloured rest would be less likely although it explains more."""
+    left = {role: _left(axis, known, names) for role, names in groups.items() if names}
+    rest, _ = _rest(axis)
+    whole = float(rest @ rest)
+    least = min(left.values(), key=lambda each: float(each @ each))
+    many = _independent(axis, least)
+    found = {}
+    for role, each in left.items():
+        share = 1.0 - float(each @ each) / whole if whole > 0.0 else 0.0
+        found[role] = _Share(share, -0.5 * many * float(np.log(max(1.0 - share, 1e-12))))
+    return found
+
+
+def _left(axis: EquationError, known: Mapping[str, Array], names: list[str]) -> Array:
+    """What motion and these histories leave of the moment, (m,)."""
     rest, basis = _rest(axis)
     moved = np.column_stack([known[name][axis.where] for name in names])
-    whole = float(rest @ rest)
-    if not (np.isfinite(moved).all() and whole > 0.0):
-        return _Share(0.0, 0.0)
+    if not np.isfinite(moved).all():
+        return rest
     own, sizes, _ = np.linalg.svd(moved - basis @ (basis.T @ moved), full_matrices=False)
     own = own[:, sizes > 1e-9 * max(float(np.abs(moved).max()), 1e-300)]
-    left = rest - own @ (own.T @ rest)
-    share = 1.0 - float(left @ left) / whole
-    likelier = -0.5 * _independent(axis, left) * float(np.log(max(1.0 - share, 1e-12)))
-    return _Share(share, likelier)
+    left: Array = rest - own @ (own.T @ rest)
+    return left
 
 
 def _independent(axis: EquationError, residual: Array) -> float:
@@ -149,11 +165,12 @@ def _unrelated(
     for role in table:
         axis = axes[role]
         moved = max(float(np.std(known[name][axis.where])) for name in groups[role])
-        together = _explained(axis, known, everything)
-        if not moved > SWING or _independent(axis, _rest(axis)[0]) < SAMPLES:
+        rest = _rest(axis)[0]
+        left = _left(axis, known, everything)
+        if not moved > SWING or _independent(axis, rest) < SAMPLES:
             continue
         judged.append(role)
-        largest = max(largest, together.share)
+        largest = max(largest, 1.0 - float(left @ left) / max(float(rest @ rest), 1e-300))
     if len(judged) < 2 or largest > CHANCE:
         return None
     name = groups[judged[0]][0]

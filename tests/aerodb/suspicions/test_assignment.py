@@ -10,8 +10,10 @@ import pytest
 
 from aerodb.flight import Flight
 from aerodb.suspicions import against_vehicle, limits_flight
-from aerodb.suspicions.assignment import UNRELATED
+from aerodb.suspicions.assignment import UNRELATED, assignment_suspicions
+from aerodb.suspicions.equation_error import EquationError
 from aerodb.suspicions.plausibility import suspicions
+from aerodb.suspicions.surfaces import Control
 from tests.aerodb.suspicions.test_against_vehicle import flown, vehicle
 from tests.campaigns.corrupted import measured as measured_pairs
 from tests.campaigns.corrupted import noticed
@@ -101,3 +103,23 @@ def test_a_field_mapped_twice_is_named(name: str, source: str) -> None:
     said = suspicions(flight.with_channels({name: channels[source]}))
     assert [each.channel for each in said if each.kind == "copied"] == [name]
     assert source in next(each.sentence for each in said if each.kind == "copied")
+
+
+def test_a_rest_that_lasts_is_no_exchange() -> None:
+    """The elevator explains most of the pitching moment, and leaves slow air; the aileron, which
+    moved alike, explains half as much, and leaves the elevator's fast share."""
+    rng, n = np.random.default_rng(3), 1500
+    step = 0.04
+    time = step * np.arange(n)
+    elevator, own = rng.standard_normal((2, n))
+    aileron = 0.6 * elevator + 0.8 * own
+    slow = 0.3 * np.sin(2.0 * np.pi * time / 20.0)
+    moments = {"pitch": elevator + slow, "roll": elevator + 0.6 * aileron}
+    histories = {"delta_elevator": elevator, "delta_aileron": aileron}
+    axes = {
+        role: EquationError(role, moment, {}, histories, np.ones(n, dtype=np.bool_), step, 1, {})
+        for role, moment in moments.items()
+    }
+    roles = {"delta_elevator": "pitch", "delta_aileron": "roll"}
+    controls = {n: Control(((n, 1.0),), role, role == "roll", True) for n, role in roles.items()}
+    assert assignment_suspicions(axes, controls) == []
