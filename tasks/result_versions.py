@@ -17,7 +17,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "estimate": 27,
     "update": 37,
     "gram": 22,
-    "close_loop": 75,
+    "close_loop": 76,
 }
 
 #: Of what `import` makes of JSBSim files, in their keys alone.

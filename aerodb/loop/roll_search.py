@@ -10,6 +10,7 @@ it, the drag of the air among them: it is a constant of CX that slows a roll.
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from statistics import NormalDist
 from typing import Any, Final
 
@@ -73,8 +74,9 @@ def search_rolls(
 ) -> RollSearch:
     """Return which parameters of the legs (`names`) rolls contradict, in the parameters' units.
 
-    function : a method that flies. rolls : of `database`, which has the drag of the air
-    (`with_air_drag`). accept : what enters although it is not confirmed.
+    function : a method that flies, with the keyword ``at_least`` of `output_error`. rolls : of
+    `database`, which has the drag of the air (`with_air_drag`). accept : what enters
+    although it is not confirmed.
     """
     return _Search(function, rolls, names, database, accept).run()
 
@@ -117,7 +119,7 @@ class _Search:
         rounds = 0
         while True:
             rounds += 1
-            fits = {n: self._fitted((*self.taken, n)) for n in self.tested if n not in self.taken}
+            fits = self._fitted()
             found = self._best(fits)
             if found is None:
                 break
@@ -142,9 +144,17 @@ class _Search:
             tuple(self.notes.values()),
         )
 
-    def _fitted(self, names: Sequence[str]) -> Fit:
+    def _fitted(self) -> dict[str, Fit]:
+        """The fit of each parameter that was not taken, beside those that were. One that creeps far
+        below another is ended, and has not converged."""
         start = self.start if self.joint is None else _found(self.joint)
-        return roll_fit(self.function, self.rolls, names, self.database, start)
+        fits, least = dict[str, Fit](), -np.inf
+        for name in (each for each in self.tested if each not in self.taken):
+            function = partial(self.function, at_least=least)
+            fit = roll_fit(function, self.rolls, (*self.taken, name), self.database, start)
+            least = max(least, fit.log_likelihood if fit.converged else least)
+            fits[name] = fit
+        return fits
 
     def _bounded(self, name: str, fit: Fit) -> Fit:
         names = (*self.taken, name)

@@ -35,7 +35,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "coefficients": (5, "3ea1b15d30be922c", "9ddddc1b635ef5d7"),
     "compare": (21, "360ca8bd78f191ed", "75ab953bf9aaf46f"),
     "gram": (22, "64bf5e9ba0af7a32", "a41b3127f3bfd9d7"),
-    "close_loop": (75, "ec22114dd6e4efea", "b7cd226038e57476"),
+    "close_loop": (76, "e9a39fa466e26cb7", "b7cd226038e57476"),
     "fly": (8, "c2e0209a428f1e39", "c1e07fb83cde1a03"),
     "import": (3, "2c4d0454b27962f7", "15d078bd64552f53"),
     "estimate": (27, "47834bd443fb1620", "be09817f5df27dda"),

@@ -69,6 +69,7 @@ def output_error(
     *,
     covariance: Covariance = "diagonal",
     most_iterations: int = 50,
+    at_least: float = -np.inf,
 ) -> Fit:
     """Estimate a model's parameters from what it predicts for several records at once.
 
@@ -83,6 +84,8 @@ def output_error(
         those of subspace identification.
     records : with the model's outputs; a sample that is NaN is left out.
     covariance : of the measurement noise: diagonal, or full with correlation between outputs.
+    at_least : log-likelihood below which an answer is of no use: a search that is too slow to come
+        there is ended.
 
     Standard errors count the correlation of the residuals in time and between outputs; the
     Cramer-Rao bound is for white ones. Where the search does not end, or the model explains an
@@ -100,7 +103,7 @@ def output_error(
     assumes = (*ASSUMES, *((_UNCORRELATED,) if covariance == "diagonal" else ()))
 
     def fitted(started: DynamicModel, note: str) -> Fit:
-        solution = search(started, records, covariance, most_iterations)
+        solution = search(started, records, covariance, most_iterations, at_least=at_least)
         unstable = instability(started, records, solution.vector, SINGULAR**-0.5)
         fit = fit_of("output-error", started, records, solution, assumes, unstable)
         return replace(fit, notes=(*fit.notes, *([note] if note else [])))

@@ -74,13 +74,14 @@ def test_brakes_that_are_wrong_are_found_and_nothing_else() -> None:
 
 
 @pytest.mark.heavy
-@pytest.mark.parametrize(("seed", "share", "most"), [(1009, 0.8, 220), (1002, 1.2, 130)])
+@pytest.mark.parametrize(("seed", "share", "most"), [(1009, 0.8, 150), (1002, 1.2, 130)])
 def test_each_flight_votes_although_the_database_is_far_off(
     seed: int, share: float, most: int
 ) -> None:
     """Brakes of 80 %: from the wind that such a database finds, the search over one of these rolls
     does not end, and what two flights show was that of one. Of 120 %: the side force hardly acts.
-    Searches that begin where another ended take few steps: 258 and 207 from afar."""
+    Searches that begin where another ended take few steps, and one that creeps far
+    below another is ended: 258 and 207 from afar."""
     pytest.importorskip("jsbsim")
     believed = f"mu_brake = {{ value = {share * 0.22:.4g}"
     off = read_native(RIGHT.replace("mu_brake = { value = 0.22", believed))
@@ -94,8 +95,8 @@ def test_each_flight_votes_although_the_database_is_far_off(
     wide = with_air_drag(off)
     rolls = recorded_rolls(flights, wide)
 
-    def counted(*given: Any) -> Fit:
-        fits.append(output_error(*given))
+    def counted(*given: Any, **more: Any) -> Fit:
+        fits.append(output_error(*given, **more))
         return fits[-1]
 
     found = search_rolls(counted, rolls, leg_parameters(off), wide, Accept())
