@@ -114,6 +114,7 @@ _TABLE: tuple[tuple[str, str, str, str], ...] = (
     ("thrust_left", "N", "thrust of the left engine", ""),
     ("thrust_right", "N", "thrust of the right engine", ""),
     ("throttle", "1", "throttle position, 0 idle to 1 full", ""),
+    ("battery_voltage", "V", "voltage of the battery under load", ""),
     ("brake", "1", "command of the wheel brakes, 0 free to 1 full", ""),
     ("brake_left", "1", "command of the brakes of the left wheels, 0 free to 1 full", ""),
     ("brake_right", "1", "command of the brakes of the right wheels, 0 free to 1 full", ""),
@@ -153,6 +154,8 @@ NAVIGATION: Final[tuple[str, ...]] = (
 
 #: Commands of wheels, which few logs have.
 WHEELS: Final = ("brake", "brake_left", "brake_right", "steering")
+#: Channels that no flight needs: none is told missing.
+UNNEEDED: Final = ("battery_voltage",)
 #: Positions and commands from 0 to 1.
 SHARES: Final = ("brake", "brake_left", "brake_right", "delta_landing_gear")
 #: Largest value [-] of such a one: full travel is 1, and calibrations are a tenth wrong.

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from aerodb.logs.mapped_log import MappedLog
 from aerodb.logs.mapping_file import Mapping
-from aerodb.nomenclature import channel
+from aerodb.nomenclature import UNNEEDED, channel
 from aerodb.recording import Recording
 
 #: Channels that every flight should have; reported as missing even if the mapping lacks them.
@@ -55,7 +55,8 @@ def channels_found(
         *(entry.name for entry in mapping.channel),
         *(name for d in mapping.derived for name in d.channels),
     ]
-    return tuple(present), tuple(name for name in dict.fromkeys(known) if name not in present)
+    there = {*present, *UNNEEDED}
+    return tuple(present), tuple(name for name in dict.fromkeys(known) if name not in there)
 
 
 def zero_channels(recording: Recording, mapping: Mapping) -> tuple[str, ...]:

@@ -17,7 +17,7 @@ from aerodb.logs.fuel import with_fuel_mass
 from aerodb.logs.mapped_log import FieldValues, MappedLog
 from aerodb.logs.mapping_file import ChannelMapping, Derived, Mapping, Source, parse_mapping
 from aerodb.logs.time_grid import LoggedSignal, common_grid, on_grid
-from aerodb.nomenclature import POSITIONS, WHEELS, channel, hinge_moment_of, is_command
+from aerodb.nomenclature import POSITIONS, UNNEEDED, WHEELS, channel, hinge_moment_of, is_command
 from aerodb.recording import Recording
 from aerodb.support import Array
 from aerodb.vehicle import (
@@ -266,6 +266,7 @@ def _completed(flight: Flight, mapping: Mapping, vehicle: Vehicle) -> Flight:
         *_named_by_vehicle(vehicle),
         *EXPECTED,
     ]
+    there = {*flight.channels, *UNNEEDED}
     return replace(
-        flight, missing=tuple(name for name in dict.fromkeys(known) if name not in flight)
+        flight, missing=tuple(name for name in dict.fromkeys(known) if name not in there)
     )

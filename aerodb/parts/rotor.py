@@ -23,7 +23,7 @@ import numpy as np
 from pydantic import BeforeValidator, Field, model_validator
 
 from aerodb.errors import InputError
-from aerodb.nomenclature import is_command
+from aerodb.nomenclature import UNNEEDED, is_command
 from aerodb.parts.engine import disc_of
 from aerodb.parts.entry import Disc, Discs, Formula, Placed, write_loads
 from aerodb.parts.frame import Frame, across
@@ -213,6 +213,6 @@ def command_ranges(database: AeroDatabase) -> dict[str, tuple[float, float]]:
                 seen |= used
                 pending |= used & (database.variables.keys() | rates.keys())
             free = database.free_inputs.keys() - rates.keys()
-            inputs = {n for n in seen if n in free or is_command(n)}
+            inputs = {n for n in seen - {*UNNEEDED} if n in free or is_command(n)}
             found |= dict.fromkeys(inputs, (float(low), float(high)))
     return found

@@ -1,13 +1,15 @@
-"""Rotors of a flight against its vehicle's database: one whose thrust is not that of the others.
+"""Rotors of a flight against its vehicle's database: one whose thrust is not that of the others, or
+a battery with whose voltage all thrust falls.
 
 A weak rotor lessens the lift and turns the vehicle as its own command says. What else may be wrong
 is left free on each axis: a constant and a trend (biased sensors, the centre of gravity, mass), a
 factor of the whole and its trend (inertia, density, the battery), the force along z (centre of
 gravity), and linear effects of flow and rates (drag, inflow, damping). So hover alone tells of no
-rotor: with constant commands a weak rotor is a shifted centre of gravity.
+rotor: with constant commands a weak rotor is a shifted centre of gravity. Where the voltage of the
+battery is logged, what goes with it is free as well, and told as the battery's.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
 
@@ -15,23 +17,29 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning import Suspicion
-from aerodb.estimation import least_squares
+from aerodb.estimation import least_squares, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.parts import beyond_tilt
-from aerodb.signals import low_passed
+from aerodb.signals import bridge, low_passed
 from aerodb.support import Array, half_interval
 from aerodb.suspicions.evidence import ERRORS, FEWEST, LIKELIER
 from aerodb.suspicions.rotor_order import order_suspicions
 from aerodb.tables import AeroDatabase, Number, times
 
+#: Channel of what turns all rotors.
+BATTERY: Final = "battery_voltage"
 #: Axes on which thrust acts.
 _AXES: Final = ("CZ", "Cl", "Cm")
 #: Upper edge [Hz] of what is compared: that of the measured moments, and below the lag of motors.
 HIGHEST: Final = 4.0
 #: Least share of its thrust by which a rotor is said to differ: those of a kind differ by 1 to 2 %.
+#: So it is for what the battery takes from all: an accelerometer drifts by less.
 LEAST: Final = 0.04
 #: Fewest rotors of which one can be told from all.
 FEWEST_ROTORS: Final = 3
+#: Largest power of the voltage that thrust goes with: that of the square of speed, which goes with
+#: the voltage at most.
+_SQUARE: Final = 2.0
 #: Factor of a thrust of which the slope is taken.
 _STEP: Final = 0.01
 
@@ -44,8 +52,9 @@ def rotor_suspicions(
     usable: Mapping[str, NDArray[np.bool_]],
     bandwidth: float | None,
 ) -> tuple[Suspicion, ...]:
-    """Return the rotor whose thrust is not the database's where the others' is, or what is wrong
-    with the order of all (`order_suspicions`); empty for neither.
+    """Return the rotor whose thrust is not the database's where the others' is, and the battery
+    with whose voltage all lose thrust, or what is wrong with the order of all
+    (`order_suspicions`); empty for none.
 
     measured, predicted, usable : axis -> (n,), as `aerodb.coefficients.compare` gives them.
     bandwidth : Hz, of the moments. Share of the thrust without unit.
@@ -79,11 +88,15 @@ def rotor_suspicions(
     order = order_suspicions(flight, database, measured, good, banded)
     if order:
         return order
+    voltage = _voltage(flight, good)
+    sag = _sag(flight, measured["CZ"], predicted["CZ"], voltage, banded)
     effects = _effects(flight, database, names)
     shared = [banded(column) for column in _anywhere(flight)]
     lengths, left, shares = [], [], {name: list[Array]() for name in names}
     for axis in axes:
         own = _on_axis(flight, axis, measured, predicted)
+        if voltage is not None:
+            own.append(predicted[axis] * (voltage / np.mean(voltage[good]) - 1.0))
         free = np.column_stack([*shared, *(banded(column) for column in own)])
         response = _beyond(free, banded(measured[axis] - predicted[axis]))
         size = float(np.sqrt(np.mean(response**2))) or 1.0
@@ -98,19 +111,85 @@ def rotor_suspicions(
         try:
             fit = least_squares(column, together, (name,), lengths)
         except ValueError:
-            return ()  # its command never moves
+            return sag  # its command never moves
         found[name] = (float(fit.estimates[0]), float(fit.standard_errors[0]))
     ranked = sorted(found, key=lambda name: abs(found[name][0]) / found[name][1], reverse=True)
     value, error = found[ranked[0]]
     size, next_size = (abs(found[name][0]) / found[name][1] for name in ranked[:2])
     if size < ERRORS or abs(value) < LEAST or 0.5 * (size**2 - next_size**2) < LIKELIER:
-        return ()
+        return sag
     less = "less" if value < 0.0 else "more"
     words = (
         f"the thrust of {ranked[0]} is {abs(value):.0%} {less} than that of the others beside the"
         f" database, +- {half_interval(error):.1%}"
     )
-    return (Suspicion(ranked[0], "thrust", words, {"share": value, "standard_error": error}),)
+    evidence = {"share": value, "standard_error": error}
+    return (Suspicion(ranked[0], "thrust", words, evidence), *sag)
+
+
+def _voltage(flight: Flight, good: NDArray[np.bool_]) -> Array | None:
+    """Voltage of the battery (n,) [V], lines between its samples; None where none is logged, or it
+    never changes."""
+    if BATTERY not in flight:
+        return None
+    known = flight.usable([BATTERY]) & (flight[BATTERY] > 0.0)  # 0 V: none is connected
+    if not known.any():
+        return None
+    voltage = bridge(np.where(known, flight[BATTERY], np.nan))
+    return voltage if np.ptp(voltage[good]) > 0.0 else None
+
+
+def _sag(
+    flight: Flight,
+    measured: Array,
+    predicted: Array,
+    voltage: Array | None,
+    banded: Callable[[Array], Array],
+) -> tuple[Suspicion, ...]:
+    """The battery, where the force along z (n,) tells that the thrust of all rotors goes with its
+    voltage (n,) [V]; the bend of a thrust over its command is left free. A drift with time looks
+    alike where the voltage does: what drifts and is likelier is not the battery's."""
+    if voltage is None:
+        return ()
+    level = banded(voltage)
+    middle = float(np.mean(level))
+    constant, run, *flow = _anywhere(flight)
+    free = np.column_stack(
+        [banded(each) for each in (constant, *flow, predicted, predicted * np.abs(predicted))]
+    )
+    here, there = banded(measured), banded(predicted)
+    size = float(here @ there) / (float(there @ there) or 1.0)  # of the thrust at this voltage
+    ways = (size * predicted * (voltage / middle - 1.0), predicted * run)
+    try:
+        (power, error), drift = (_slow(free, banded(way), here - there) for way in ways)
+    except ValueError:
+        return ()  # what the voltage makes is what is free
+    own, other = abs(power) / error, abs(drift[0]) / drift[1]
+    low, high = float(np.min(level)), float(np.max(level))
+    change, spread = power * (high - low) / middle, error * (high - low) / middle
+    likely = own >= ERRORS and 0.5 * (other**2 - own**2) < LIKELIER
+    if not likely or change < LEAST or power - ERRORS * error > _SQUARE:
+        return ()
+    words = (
+        f"the battery takes thrust from all rotors: it falls by {change:.0%} +-"
+        f" {half_interval(spread):.1%} from the highest to the lowest voltage, {high:.4g} to"
+        f" {low:.4g} V. Multiply `speed` of the rotors in the database by"
+        f" ({BATTERY}/{middle:.4g})^{0.5 * power:.2g}"
+    )
+    evidence = {"share": -change, "standard_error": spread, "power": power}
+    return (Suspicion(BATTERY, "sag", words, evidence),)
+
+
+def _slow(free: Array, column: Array, response: Array) -> tuple[float, float]:
+    """What a column (m,) that changes slowly makes of a response (m,) beside what is free (m, k),
+    and its standard error: by the independent samples of the residual that k + 1 estimates leave.
+    """
+    left, own = _beyond(free, response), _beyond(free, column)
+    fit = least_squares(own[:, None], left, (BATTERY,))
+    independent = len(own) / samples_per_independent(fit.residual)
+    remaining = max(independent - free.shape[1] - 1.0, 1e-9)
+    error = float(np.linalg.norm(fit.residual) / np.linalg.norm(own) / np.sqrt(remaining))
+    return float(fit.estimates[0]), max(error, 1e-12)
 
 
 def _tilted(flight: Flight, database: AeroDatabase) -> tuple[Suspicion, ...]:

@@ -81,8 +81,9 @@ def said(root: Path, folder: Path, seed: int, weak: bool) -> dict[str, Any]:
 
 
 def rightly(line: dict[str, Any]) -> bool:
-    """Whether the weak rotor, and nothing else, is named; of a sound flight: nothing."""
-    names = [each[:2] for each in line["named"]]
+    """Whether the weak rotor, and nothing else, is named; of a sound flight: nothing. The battery,
+    which takes speed from all rotors, may be named beside it."""
+    names = [each[:2] for each in line["named"] if each[1] != "sag"]
     return bool(names == ([[f"rotor_{WEAK}", "thrust"]] if line["weak"] else []))
 
 

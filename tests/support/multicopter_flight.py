@@ -57,7 +57,8 @@ def fly(
     strength: Sequence[float] = (1.0, 1.0, 1.0, 1.0),
     wind: tuple[float, float] = (0.0, 0.0),
     gusts: float = 0.3,
-    sag: float = 0.0,
+    sag: float | Sequence[float] = 0.0,
+    regulated: bool = False,
     busy: float = 1.0,
     offset: Sequence[float] = (0.0, 0.0, 0.0),
     wing: float = 0.0,
@@ -65,13 +66,17 @@ def fly(
     """Fly one flight per seed.
 
     strength : share of the thrust of each rotor. wind : north and east [m/s]; gusts : their
-    standard deviation [m/s]. sag : share of the voltage lost by the end; the motors lose as much
-    speed. busy : size of the manoeuvres; 0 only hovers. offset : of the CG (3,) [m]. wing : area
+    standard deviation [m/s]. sag : share of the voltage lost by the end, or at times that are
+    equally spaced; the motors lose as much speed, unless their speed is `regulated`. busy : size of the manoeuvres; 0 only hovers. offset : of the CG (3,) [m]. wing : area
     [m2] of a flat plate at the CG, with an elevator behind it that follows the pitch rate.
     """
     draws = [np.random.default_rng(seed) for seed in seeds]
     k, step = len(seeds), 1.0 / RATE
     steps = round(seconds * RATE)
+    shares = np.atleast_1d(sag) if isinstance(sag, Sequence) else np.array([0.0, sag])
+    lost = np.asarray(
+        np.interp(np.arange(steps) / steps, np.linspace(0.0, 1.0, len(shares)), shares)
+    )
     legs = np.array([d.uniform(-1.0, 1.0, (steps, 4)) for d in draws])[:, ::500]  # 2 s each
     blow = np.array([d.standard_normal((steps, 3)) for d in draws])
     rotors = np.array(ROTORS)
@@ -88,7 +93,7 @@ def fly(
     rows: list[tuple[Array, ...]] = []
     decay = np.exp(-step / 1.5)
     for number in range(steps):
-        share = 1.0 - sag * number / steps
+        share = 1.0 if regulated else 1.0 - lost[number]
         wanted = busy * legs[:, number // 500].T
         commands = _controlled(state, wanted, mixer)
         blown = steady + air
@@ -103,7 +108,7 @@ def fly(
         state[6:10] /= np.linalg.norm(state[6:10], axis=0)
         air = decay * air + gusts * np.sqrt(1 - decay**2) * blow[:, number].T
     states = np.array([row[0] for row in rows])
-    voltage = 16.0 * (1.0 - sag * np.arange(steps) / steps)
+    voltage: Array = 16.0 * (1.0 - lost)
     return Flown(
         np.arange(steps) * step, states[:, 3:6], states[:, 0:3], states[:, 6:10],
         states[:, 10:13], np.array([row[2] for row in rows]), np.array([row[1] for row in rows]),
