@@ -220,6 +220,11 @@ _OPEN: Final[tuple[tuple[str, str, str], ...]] = (
     ("pressure_altitude", r"h_?p", "is it pressure altitude?"),
     ("height_above_ground", r"r(ad(io|ar)?)?_?(alt(itude)?|height)", "is it above the ground?"),
     ("mass", r"gross_?weight|gewicht", "is it a mass?"),
+    (
+        "qbar",
+        r"impact_?pressure",
+        "dynamic pressure is less by a quarter of the Mach number squared",
+    ),
     ("V", r"(flug)?geschwindigkeit|fahrt|vitesse(_air)?", "is it true or indicated airspeed?"),
     ("V", r"v_?v", "is it true airspeed, or a vertical velocity?"),
     ("altitude", r"hoe?he", "above sea level, or above the ground or a take-off?"),

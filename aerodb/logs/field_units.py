@@ -67,9 +67,12 @@ _BELIEVABLE: Final[dict[str, tuple[float, float]]] = {
     **{"velocity_down": (-300.0, 300.0), "temperature": (180.0, 340.0)},
     **{"static_pressure": (200.0, 115000.0), "qbar": (-500.0, 300000.0), "rho": (0.003, 1.6)},
 }
-#: Angle of the airflow that no wing holds for half of a flight [rad]: 45 deg. Gauges named after it
-#: show shares of the stall, or per cents.
-_HELD: Final = 0.8
+#: Angle of the airflow that few wings hold for half of a flight [rad]: 25 deg, beyond most stalls.
+#: Gauges named after it show shares of the stall, or per cents.
+_HELD: Final = 0.44
+#: Specific force along x or y that no aeroplane holds for half of a flight [g]; an axis that points
+#: up shows 1 g.
+_SIDEWAYS: Final = 0.5
 #: Largest believable deflection of a surface [rad]: of 60 deg. Servo pulses and per cents are more.
 _DEFLECTION: Final = 1.05
 
@@ -92,7 +95,8 @@ def unit_by_size(channel: str, si: str, size: float, values: Array) -> Sized:
             )
     if si == "rad/s" and size > _SLOW:
         too_large = f"up to {size:.4g}: too large for rad/s"
-        return Sized("deg/s", too_large, assumed=not _RATE <= size <= _FASTEST)
+        counts = bool(np.all(values[np.isfinite(values)] % 1.0 == 0.0))  # of a sensor
+        return Sized("deg/s", too_large, assumed=counts or not _RATE <= size <= _FASTEST)
     if channel == "az_imu":
         level = abs(float(np.nanmedian(values)))
         for unit, of in (("m/s^2", _GRAVITY), ("g", 1.0), ("ft/s^2", 32.2)):
@@ -123,6 +127,8 @@ def believable(channel: str, values: Array) -> str:
         return f"{low:.4g} to {high:.4g} (SI) is not believable"
     if channel == "az_imu" and not 0.5 * _GRAVITY < abs(float(np.median(finite))) < 2 * _GRAVITY:
         return f"a median of {float(np.median(finite)):.3g} m/s^2 is no level flight"
+    if channel in ("ax_imu", "ay_imu") and abs(float(np.median(finite))) > _SIDEWAYS * _GRAVITY:
+        return f"a median of {float(np.median(finite)):.3g} m/s^2 is that of an axis up or down"
     if channel in ("alpha", "beta") and abs(float(np.median(finite))) > _HELD:
         return f"a median of {np.rad2deg(float(np.median(finite))):.3g} deg is not believable"
     return ""

@@ -2,7 +2,7 @@
 with its reason, and the questions that only the owner of the log can answer."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -16,19 +16,15 @@ from aerodb.logs.field_units import Sized, believable, unit_by_size
 from aerodb.logs.guesses import Guess, in_si
 from aerodb.logs.mapping_file import Mapping as LogMapping
 from aerodb.logs.mapping_file import matching_topics
-from aerodb.logs.signs import HEADED, LEAST_CORRELATION, UPWARD, reversed_signs
+from aerodb.logs.signs import HEADED, UPWARD, reversed_signs
+from aerodb.logs.ties import FASTEST_SOUND, SLOWEST_SOUND, slope, untied
 from aerodb.nomenclature import channel, is_surface
 from aerodb.recording import Recording, Topic
 from aerodb.support import Array
 from aerodb.units import conversion, spelled
 
-_RATES: Final = (("phi", "p"), ("theta", "q"), ("psi", "r"))
 #: Tables of fewer rows than this share of the longest are not along the flight.
 _LEAST_SHARE: Final = 0.1
-#: Speed of sound at -60 degC, with what instruments are off [m/s].
-_SLOWEST_SOUND = 285.0
-#: Speed of sound at 50 degC, with what instruments are off [m/s].
-_FASTEST_SOUND = 365.0
 #: Difference of two columns, over the range of one, up to which they hold the same.
 _SAME: Final = 1e-3
 #: Names of a normal load, which is positive upwards whatever the axes are.
@@ -37,6 +33,15 @@ _LOADS: Final = re.compile(r"(n_?z|norm|load|g|lastviel|fac?tt?(e?ur|or))")
 _WRITTEN: Final = {"g0": "g", "dimensionless": "1"}
 #: Names of which one, beside ``v``, makes that a component of velocity.
 _COMPONENTS: Final = {"u", "w"}
+#: Channels that a logger writes alike: if the size of one speaks against its unit or its kind,
+#: those behind are asked too.
+_ALIKE: Final = (
+    ("latitude", "longitude"),
+    ("longitude", "latitude"),
+    ("az_imu", "ax_imu", "ay_imu"),
+)
+#: The same of angles and rates whose unit nobody states.
+_ANGLES: Final = ("phi", "theta", "psi", "p", "q", "r")
 #: Letters that stand for rates together; one alone may be a gain, a radius, a pressure.
 _RATE_LETTERS: Final = frozenset("pqr")
 
@@ -93,11 +98,12 @@ def draft_mapping(
         guesses = _by_names(recording, usable)
         guesses = {known: _settled(guess, guesses, usable) for known, guess in guesses.items()}
         guesses |= dict(reversed_signs(recording, guesses, clocks, usable))
+        guesses |= {each.channel: each for each in untied(recording, guesses, clocks, usable)}
     questions = [_asked(guess) for guess in guesses.values() if guess.confidence == "asked"]
     notes: list[str] = []
     if not is_known:
         questions += _directions(guesses)
-        questions += _relations(recording, guesses, clocks, usable)
+        questions += _relations(recording, clocks, usable)
         if recording.format == "tabular":
             asked, notes = _about_clocks(recording, clocks, columns)
             questions = asked + questions
@@ -178,7 +184,25 @@ def _by_names(recording: Recording, usable: Mapping[tuple[str, str], Array]) -> 
             if known in chosen and not chosen[known].open:
                 ask = f"{upward.field} {UPWARD}"
                 chosen[known] = replace(chosen[known], open=ask, by_axis=True)
+    for first, *others in _ALIKE:
+        if first in chosen and believable(first, in_si(chosen[first], usable)):
+            ask = f"{chosen[first].field} is not believable: is this column written as it is?"
+            _ask_alike(chosen, chosen[first].topic, others, ask)
+    for angle in [chosen[each] for each in _ANGLES if each in chosen]:
+        if not angle.stated and angle.assumed and angle.unit.startswith("deg"):
+            unstated = [each for each in _ANGLES if each in chosen and not chosen[each].stated]
+            ask = (
+                f"{angle.field} is too large for {angle.unit}: is this column in a part of it too?"
+            )
+            _ask_alike(chosen, angle.topic, unstated, ask)
     return chosen
+
+
+def _ask_alike(chosen: dict[str, Guess], topic: str, channels: Iterable[str], ask: str) -> None:
+    """Ask about channels of a topic that nothing is asked about yet."""
+    for each in channels:
+        if each in chosen and chosen[each].topic == topic and chosen[each].confidence != "asked":
+            chosen[each] = replace(chosen[each], open=ask)
 
 
 def _of_xplane(topic: Topic) -> bool:
@@ -234,7 +258,7 @@ def _settled(
     moving = mach > 0.5 * float(np.nanmax(mach))
     sound = float(np.nanmedian(speed[moving] / mach[moving])) if np.any(moving) else 0.0
     for unit in ("m/s", "knot", "ft/s", "km/h"):
-        if _SLOWEST_SOUND < sound * conversion(unit, "m/s")[0] < _FASTEST_SOUND:
+        if SLOWEST_SOUND < sound * conversion(unit, "m/s")[0] < FASTEST_SOUND:
             why = f"a speed of sound of {sound:.4g} {unit} beside the Mach number"
             return replace(guess, unit=unit, reason=why, assumed=False)
     return guess
@@ -323,45 +347,28 @@ def _is_unit(unit: str) -> bool:
 
 def _relations(
     recording: Recording,
-    guesses: Mapping[str, Guess],
     clocks: Mapping[str, ClockColumn],
     columns: Mapping[tuple[str, str], Array],
 ) -> list[str]:
-    """Relations that derivatives show: of guessed angles with rates, and of columns that nobody
-    named."""
+    """Which columns that nobody named are derivatives of others."""
     said = []
-    for angle, rate in _RATES:
-        if angle in guesses and rate in guesses and guesses[angle].topic == guesses[rate].topic:
-            pair = [columns[guesses[k].topic, guesses[k].field] for k in (angle, rate)]
-            scales = [
-                guesses[k].scale * conversion(guesses[k].unit, channel(k).unit)[0]
-                for k in (angle, rate)
-            ]
-            time = seconds_of(recording, guesses[angle].topic, clocks)
-            ratio = _ratio(time, pair[0] * scales[0], pair[1] * scales[1])
-            if ratio is not None and not 0.5 < ratio < 2.0:
-                said.append(
-                    f"{rate}: it is {ratio:.3g} times the derivative of {angle}: is the unit of one"
-                    " of them, or a sign, another?"
-                )
     unnamed = [key for key in columns if key[1].isdigit()][:60]
     for one in unnamed:
         time = seconds_of(recording, one[0], clocks)
         for other in unnamed:
-            ratio = _ratio(time, columns[one], columns[other]) if one != other else None
-            if ratio is not None and one[0] == other[0]:
+            ratio = (
+                _ratio(time, columns[one], columns[other])
+                if one != other and one[0] == other[0]
+                else None
+            )
+            if ratio is not None:
                 said.append(f"column {other[1]} is {ratio:.3g} times the derivative of {one[1]}")
     return said[:40]
 
 
 def _ratio(time: Array, angle: Array, rate: Array) -> float | None:
     """Slope of a rate over the derivative of an angle; None where they do not move together."""
-    if not (time.size == angle.size == rate.size and time.size > 20) or np.any(np.diff(time) <= 0):
+    good = np.isfinite(time) & np.isfinite(angle) & np.isfinite(rate)
+    if good.sum() < 20 or np.any(np.diff(time[good]) <= 0):
         return None
-    slope = np.gradient(angle, time)
-    good = np.isfinite(slope) & np.isfinite(rate)
-    if good.sum() < 20 or np.std(slope[good]) == 0 or np.std(rate[good]) == 0:
-        return None
-    if abs(np.corrcoef(slope[good], rate[good])[0, 1]) < LEAST_CORRELATION:
-        return None
-    return float(np.dot(slope[good], rate[good]) / np.dot(slope[good], slope[good]))
+    return slope(time[good], np.gradient(angle[good], time[good]), rate[good])

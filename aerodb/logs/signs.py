@@ -8,12 +8,11 @@ import numpy as np
 
 from aerodb.logs.clocks import ClockColumn, seconds_of
 from aerodb.logs.guesses import Guess, in_si
+from aerodb.logs.ties import LEAST_CORRELATION, together
 from aerodb.physics import GRAVITY
 from aerodb.recording import Recording
 from aerodb.support import Array
 
-#: From which correlation two columns move together.
-LEAST_CORRELATION: Final = 0.9
 LEFT: Final = "is it positive to the left?"
 _BANKS: Final = f"it banks against its turns: {LEFT}"
 _PITCHES: Final = "it pitches against its climbs: is it positive downwards?"
@@ -34,8 +33,6 @@ _DOWNWARD: Final = "it pitches against the lift: is it positive downwards?"
 _SINKING: Final = "it pitches against the force along the body: is it positive downwards?"
 #: X-Plane's sideslip is the heading relative to the flown path (DataRefs.txt).
 HEADED: Final = f"of X-Plane, the heading relative to the path: {LEFT}"
-#: Time over which they are compared as means [s]: gusts and noise are shorter.
-_STEADY: Final = 2.0
 
 
 def reversed_signs(
@@ -50,15 +47,15 @@ def reversed_signs(
     for angle, path, by_rate, sign, *asks in _FOLLOWED:
         if not {angle, path} <= guesses.keys() or angle in compared:
             continue
-        together = _together(recording, guesses[angle], guesses[path], by_rate, clocks, columns)
-        if together is None or abs(together) < LEAST_CORRELATION:
+        follows = _together(recording, guesses[angle], guesses[path], by_rate, clocks, columns)
+        if follows is None or abs(follows) < LEAST_CORRELATION:
             continue
         compared.add(angle)
         for name, ask in zip((angle, path), asks, strict=True):
-            if sign * together < 0 and ask and not guesses[name].open:
+            if sign * follows < 0 and ask and not guesses[name].open:
                 yield name, replace(guesses[name], open=ask)
             # The side force may point the other way with the sideslip, so that they agree.
-            elif sign * together > 0 and angle != "beta" and guesses[name].by_axis:
+            elif sign * follows > 0 and angle != "beta" and guesses[name].by_axis:
                 yield (
                     name,
                     replace(guesses[name], open="", by_axis=False),
@@ -104,9 +101,9 @@ def _by_forces(
                 if name == "q"
                 else forced - np.gradient(flown, time)
             )
-        together = _correlation(time, shown, path)
-        if together is not None and abs(together) >= LEAST_CORRELATION:
-            yield name, together > 0
+        agrees = together(time, shown, path)
+        if agrees is not None and abs(agrees) >= LEAST_CORRELATION:
+            yield name, agrees > 0
 
 
 def _together(
@@ -130,19 +127,4 @@ def _together(
         return None
     way = np.unwrap(way[good]) if path.channel == "psi" else way[good]
     rate = np.gradient(way, time[good]) if by_rate else way
-    return _correlation(time[good], shown[good], rate)
-
-
-def _correlation(time: Array, one: Array, other: Array) -> float | None:
-    """Correlation of means over `_STEADY` of two columns (n,); None where too little is there."""
-    good = np.isfinite(time) & np.isfinite(one) & np.isfinite(other)
-    if good.sum() < 2:
-        return None
-    width = max(1, round(_STEADY / max(float(np.median(np.diff(time[good]))), 1e-6)))
-    if good.sum() < 10 * width:
-        return None
-    from scipy.ndimage import uniform_filter1d  # here: a mapping that is read needs none
-
-    means = [uniform_filter1d(each[good], width) for each in (one, other)]
-    with np.errstate(all="ignore"):
-        return float(np.corrcoef(means[0], means[1])[0, 1])
+    return together(time[good], shown[good], rate)
