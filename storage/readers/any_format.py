@@ -39,11 +39,12 @@ _DATAFLASH_SUFFIX: Final = ".bin"
 def prepare_reader(suffix: str) -> None:
     """Import the reader of logs with this suffix (lower case), once, so that processes forked from
     this one have it; for ULog and DataFlash, read a log of our own, which loads the compiled
-    loops."""
+    loops. The ULog has lost its tail, as the search behind damage is compiled too."""
     if suffix in _ULOG_SUFFIXES:
         with tempfile.TemporaryDirectory() as folder:
             log, time = Path(folder) / "own.ulg", np.arange(1, 50, dtype=np.float64) * 0.02
             write_ulog(log, [Topic("own", time, {"x": time, "y": time.astype(np.float32)})])
+            log.write_bytes(log.read_bytes()[:-17])
             write_topics(Path(folder) / "topics", read_log(log))
     elif suffix == _MCAP_SUFFIX:
         from aerodb.storage.readers import mcap, rosbag  # noqa: F401

@@ -1,6 +1,8 @@
 """ULog: same numbers as PX4's own reader; round trip; every lost byte is accounted for."""
 
 import struct
+import subprocess
+import sys
 from collections.abc import Callable
 from datetime import UTC, datetime
 from pathlib import Path
@@ -437,3 +439,14 @@ def test_the_time_of_booting_dates_a_log(tmp_path: Path) -> None:
     assert read_ulog(tmp_path / "a.ulg").start_utc == expected
     said = aerodb(tmp_path, "log", "inspect", str(tmp_path / "a.ulg"), "-v").stdout
     assert f"begins {expected:%Y-%m-%d %H:%M:%S} UTC" in said
+
+
+def test_a_prepared_reader_has_every_compiled_loop() -> None:
+    """A process that may write nowhere cannot compile one (`aerodb.tasks.workers`)."""
+    code = (
+        "from aerodb.storage.readers import prepare_reader, ulog_kernels as k\n"
+        "prepare_reader('.ulg')\n"
+        "print([len(each.signatures) for each in (k.walk, k.candidate, k.copy)])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert "0" not in done.stdout, done.stdout
