@@ -16,7 +16,7 @@ from aerodb.report.former_documents import remarks_of
 from aerodb.report.glossary import effect_words, listed, parameter_name
 from aerodb.report.levels import followed
 from aerodb.report.next_command import next_steps
-from aerodb.report.numbers import for_people, number
+from aerodb.report.numbers import change, for_people, number
 from aerodb.report.terms import as_constant, term_name
 from aerodb.support import counted, half_interval
 from aerodb.tracing import ADDED
@@ -191,7 +191,7 @@ def _from_to(parameter: Mapping[str, Any], units: UnitSystem | None, verdict: st
     unit = "" if unit == "-" else f" {unit}"
     share = f"{100.0 * (after / before - 1.0):+.0f} %" if before else ""
     notes = ", ".join(filter(None, (share, verdict)))
-    size = f"{number(factor * before)} -> {number(factor * after)}{known}{unit}"
+    size = f"{change(factor * before, factor * after)}{known}{unit}"
     return f"parameter {parameter['name']}: {size}" + (f" ({notes})" if notes else "")
 
 
@@ -208,8 +208,8 @@ def sized_finding(
     unit = "" if unit in ("-", "1") else f" {unit}"
     error = number(0.5 * factor * (high - low), 2)
     if slope is not None:
-        change = f"{number(slope['before'])} -> {number(slope['after'])}"
-        return f"{words} {change} +- {error}{unit} ({verdict})"
+        moved = change(slope["before"], slope["after"])
+        return f"{words} {moved} +- {error}{unit} ({verdict})"
     named = parameter_name(finding["parameter"])
     size = f"{named} {number(factor * finding['value'])} +- {error}{unit}"
     return f"{words}: {size} ({verdict})"
@@ -251,7 +251,7 @@ def _proof(document: Mapping[str, Any]) -> str:
         else "weak, on the flights used"
     )
     fell = "" if best["after"] < best["before"] else "no error falls; "
-    error = f"{fell}error of {best['label']} {number(best['before'])} -> {number(best['after'])}"
+    error = f"{fell}error of {best['label']} {change(best['before'], best['after'])}"
     if worse:
         error += f"; worse: {listed(worse)}"
     elif best["of_flown"] is not None:

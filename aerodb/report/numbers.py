@@ -27,6 +27,22 @@ def number(value: float | None, digits: int = 3, zeros: bool = False) -> str:
     return f"{shown}{power_of_ten(int(power.replace('−', '-')))}" if power else shown
 
 
+def change(before: float, after: float, digits: int = 3) -> str:
+    """Format what a value was and what it is, scalars, in one form: neither with a power of ten
+    where the other has none, down to a millionth.
+
+    >>> change(0.00166, 9.01e-5), change(2.0e-5, 1.0e-5), change(-4.0, -4.6)
+    ('0.00166 -> 0.0000901', '2×10⁻⁵ -> 1×10⁻⁵', '−4 -> −4.6')
+    """
+    texts = [number(value, digits) for value in (before, after)]
+    if len({"×" in text for text in texts}) > 1:
+        for k, value in enumerate((before, after)):
+            if "×" in texts[k] and 1e-6 <= abs(value) < 1.0:
+                places = digits - 1 - math.floor(math.log10(abs(value)))
+                texts[k] = f"{value:.{places}f}".rstrip("0").replace("-", "−")
+    return " -> ".join(texts)
+
+
 def power_of_ten(power: int) -> str:
     """A power of ten with raised digits.
 
