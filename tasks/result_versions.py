@@ -26,5 +26,11 @@ JSBSIM_IMPORT: Final = 4
 #: Names of versions that the product itself moves.
 RELEASED: Final = "released"
 CANDIDATE: Final = "candidate"
-#: The same names in the line of friction, whose versions are legs alone.
-OF_FRICTION: Final = {RELEASED: "released-friction", CANDIDATE: "candidate-friction"}
+#: Line of a version (`AeroDatabase.line`) -> these names in it.
+NAMES: Final = {
+    "": {RELEASED: RELEASED, CANDIDATE: CANDIDATE},
+    "friction": {RELEASED: "released-friction", CANDIDATE: "candidate-friction"},
+    "wake": {RELEASED: "released-wake", CANDIDATE: "candidate-wake"},
+}
+#: Names of the lines that are no vehicle's.
+OF_LINES: Final = tuple(own for line, names in NAMES.items() if line for own in names.values())

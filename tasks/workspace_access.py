@@ -13,10 +13,11 @@ from aerodb.errors import InputError
 from aerodb.storage import files
 from aerodb.storage.catalogue import Catalogue, FlightRow, StoredFile, catalogue_location, measured
 from aerodb.storage.workspace import Workspace
-from aerodb.tasks.result_versions import OF_FRICTION
+from aerodb.tasks.result_versions import NAMES
 
 # What reads files, settings and vehicles is imported where it is used: queries need none of it.
 if TYPE_CHECKING:
+    from aerodb.physics import VortexPair
     from aerodb.tables import AeroDatabase
     from aerodb.vehicle import Vehicle
 
@@ -71,29 +72,46 @@ class WorkspaceAccess:
 
         database = self.database(version)
         if not beside:
-            if database.legs_alone:
+            if database.line:
+                what = "a wake" if database.line == "wake" else "legs"
                 raise InputError(
-                    "a version of legs alone has no aerodynamics",
+                    f"a version of {what} alone has no aerodynamics",
                     self._named_version(version),
                     "name a version that has: --with VERSION",
                 )
             return database
         other = self.database(beside)
-        if database.legs_alone == other.legs_alone:
-            what = "both are legs alone" if other.legs_alone else "none is of legs alone"
+        if "wake" in (database.line, other.line):
+            raise InputError(
+                "a wake is no part of what is compared or estimated",
+                f"{self._named_version(version)} --with {self._named_version(beside)}",
+                "fly through it: aerodb version fly VERSION --manoeuvre FILE --with WAKE",
+            )
+        if database.line == other.line:
+            what = "both are legs alone" if other.line else "none is of legs alone"
             raise InputError(
                 f"of two versions {what}",
                 f"{self._named_version(version)} --with {self._named_version(beside)}",
                 "one is the aerodynamics, the other legs with their friction",
             )
-        air, legs = (other, database) if database.legs_alone else (database, other)
+        air, legs = (other, database) if database.line else (database, other)
         return on_legs(air, legs)
+
+    def wake(self, version: str) -> "VortexPair | None":
+        """Return the vortex pair [SI] of a version (its id) of a wake, its place from where a run
+        begins; None for any other version and for ''."""
+        from aerodb.exchange import vortex_pair_of
+
+        if not version or self.database(version).line != "wake":
+            return None
+        return vortex_pair_of(self.database(version))
 
     def line_name(self, name: str, version: str) -> str:
         """Return the name ``released`` or ``candidate`` as it is in the line of a version (its id):
-        that of friction has its own; any other name as it is."""
-        own = OF_FRICTION.get(name)
-        return own if own and self.database(version).legs_alone else name
+        those of friction and wakes have their own; any other name as it is."""
+        if name not in NAMES[""]:
+            return name
+        return NAMES[self.database(version).line][name]
 
     def _named_version(self, version: str) -> str:
         return f"version {self.catalogue.version_of_id(version).label}"

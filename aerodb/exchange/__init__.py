@@ -69,7 +69,7 @@ if TYPE_CHECKING:
     from .daveml import export_daveml, import_daveml, is_daveml
     from .file_checks import FileChecks, check_file
     from .input_names import propose_bindings, written_name
-    from .joined import in_wake, joined, on_legs, read_legs
+    from .joined import in_wake, joined, on_legs, read_alone, vortex_pair_of, wake_database
     from .jsbsim import (
         JsbsimAgreement,
         MassBalance,

@@ -9,7 +9,7 @@ from aerodb.exchange.native import entries, from_document, read_native, to_docum
 from aerodb.exchange.native_schema import DatabaseFile
 from aerodb.physics import VortexPair
 from aerodb.support import validated
-from aerodb.tables import AeroDatabase, ReferenceGeometry
+from aerodb.tables import AeroDatabase, Number, ReferenceGeometry, parse, substituted, value_of
 
 
 def joined(database: AeroDatabase, text: str, where: str) -> AeroDatabase:
@@ -32,7 +32,7 @@ def joined(database: AeroDatabase, text: str, where: str) -> AeroDatabase:
 
 
 def on_legs(air: AeroDatabase, legs: AeroDatabase) -> AeroDatabase:
-    """Return aerodynamics with the legs of another database (`AeroDatabase.legs_alone`), in SI
+    """Return aerodynamics with the legs of another database (`AeroDatabase.line`), in SI
     units.
 
     Lengths and moment reference are those of the aerodynamics: the legs' loads follow from the
@@ -61,9 +61,60 @@ def in_wake(air: AeroDatabase, pair: VortexPair) -> AeroDatabase:
     return _sum(to_document(air), {"parts": {"wake": wake}}, air.name)
 
 
-def read_legs(text: str, where: str, reference: ReferenceGeometry) -> AeroDatabase | None:
-    """Return the database of a TOML text without [reference] that has legs alone, with lengths [m]
-    and moment reference of the vehicle in its place; None for any other text.
+def wake_database(
+    pair: VortexPair, errors: Mapping[str, float | None], reference: ReferenceGeometry
+) -> AeroDatabase:
+    """Return the database of a vortex pair [SI] alone, its place from where an encounter begins,
+    with lengths [m] and moment reference of the vehicle that met it.
+
+    errors : standard error of circulation, core_radius and spacing; None where it is not known.
+    """
+    sizes = {"circulation": "m^2/s", "core_radius": "m", "spacing": "m"}
+    stated = ""
+    for name, unit in sizes.items():
+        error = errors.get(name)
+        known = "" if error is None else f", prior_sigma = {error!r}"
+        stated += f'{name} = {{ value = {getattr(pair, name)!r}, unit = "{unit}"{known} }}\n'
+    formulas = "".join(f'{name} = "{name}"\n' for name in sizes)
+    text = (
+        f'name = "wake"\n[parameters]\n{stated}[parts.wake]\nkind = "wake"\n{formulas}'
+        f"point = {list(pair.place)!r}\nheading = {pair.heading!r}\nslope = {pair.slope!r}\n"
+        f'core = "{pair.core}"\n'
+    )
+    database = read_alone(text, "wake", reference)
+    assert database is not None
+    return database
+
+
+def vortex_pair_of(database: AeroDatabase) -> VortexPair:
+    """Return the vortex pair [SI] of a database of a wake alone (`AeroDatabase.line`).
+
+    Raises InputError where its place is stated by ``right`` or ``below`` a point.
+    """
+    (part,) = database.parts.values()
+    if part.keys() & {"right", "below"}:
+        raise InputError(
+            "the axis is beside its point", f"{database.name}: [parts]", "state a point of the axis"
+        )
+    known = {name: Number(value) for name, value in database.parameters.items()}
+
+    def size(name: str) -> float:
+        return value_of(substituted(parse(str(part[name])), known))
+
+    return VortexPair(
+        circulation=size("circulation"),
+        core_radius=size("core_radius"),
+        spacing=size("spacing"),
+        place=tuple(part["point"]),
+        heading=part["heading"],
+        slope=part.get("slope", 0.0),
+        core=part.get("core", "burnham_hallock"),
+    )
+
+
+def read_alone(text: str, where: str, reference: ReferenceGeometry) -> AeroDatabase | None:
+    """Return the database of a TOML text without [reference] that has legs or a wake alone, with
+    lengths [m] and moment reference of the vehicle in its place; None for any other text.
 
     Raises InputError as `read_native`.
     """
@@ -77,7 +128,7 @@ def read_legs(text: str, where: str, reference: ReferenceGeometry) -> AeroDataba
         "moment_reference": reference.moment_reference,
     }
     database = read_native(text, where, lengths)
-    return database if database.legs_alone else None
+    return database if database.line else None
 
 
 def _sum(document: dict[str, Any], added: Mapping[str, Any], where: str) -> AeroDatabase:

@@ -161,6 +161,8 @@ def notes_on_release(report: Mapping[str, Any]) -> tuple[str, ...]:
 
     report : of the version (docs/reference/contract.md); that of an import has no ``axes``.
     """
+    if "wake" in report:
+        return ("not held out: a wake is met once",)
     if "axes" not in report:
         return ("not held out: an import comes without flights",)
     notes, axes = [], report["axes"]
@@ -235,8 +237,8 @@ def judge_import(
                 (Measure("unusual properties", len(unusual), None if CONTENT in accepted else 0),),
                 (CONTENT,) if unusual and CONTENT not in accepted else (),
             )
-            if not imported.legs_alone
-            else _of_aerodynamics("it holds nothing that no aircraft has", "content"),
+            if not imported.line
+            else _of_aerodynamics(imported, "it holds nothing that no aircraft has", "content"),
         )
     )
 
@@ -388,15 +390,16 @@ def _repeatability(axes: Mapping[str, Mapping[str, Any]]) -> GateCheck:
     return GateCheck(name, tuple(reasons.values()), "repeatability", tuple(measures))
 
 
-def _of_aerodynamics(name: str, label: str) -> GateCheck:
-    """A check that does not apply to legs alone."""
-    return GateCheck(name, (), label, not_judged="does not apply: legs alone")
+def _of_aerodynamics(database: AeroDatabase, name: str, label: str) -> GateCheck:
+    """A check that does not apply to what is no vehicle."""
+    what = {"friction": "legs", "wake": "a wake"}[database.line]
+    return GateCheck(name, (), label, not_judged=f"does not apply: {what} alone")
 
 
 def _signs(baseline: AeroDatabase, candidate: AeroDatabase) -> GateCheck:
     name, label = "no new sign change outside the data", "sign changes"
-    if candidate.legs_alone:
-        return _of_aerodynamics(name, label)
+    if candidate.line:
+        return _of_aerodynamics(candidate, name, label)
     reasons = sign_reasons(baseline, candidate)
     return GateCheck(
         name,

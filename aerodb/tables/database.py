@@ -8,7 +8,7 @@ add to the sum. Checks of the definitions are in `definitions`; standard errors 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 
@@ -40,6 +40,9 @@ from aerodb.tables.scattered import ScatteredTable
 from aerodb.tables.state_model import StateModel
 from aerodb.tables.table import Table
 from aerodb.tables.uncertainty import Uncertainty
+
+#: Kind of all parts of a database that is no vehicle's -> its line of versions.
+LINES: Final = {"leg": "friction", "wake": "wake"}
 
 
 @dataclass(frozen=True)
@@ -194,16 +197,18 @@ class AeroDatabase:
         return compile_program(expressions, tables, variables, constants)
 
     @cached_property
-    def legs_alone(self) -> bool:
-        """Whether it is legs with their friction, and no vehicle beside them: neither aerodynamics
-        nor the constant reference pressure of a vehicle that only rolls."""
-        return (
-            bool(self.parts)
-            and all(part["kind"] == "leg" for part in self.parts.values())
+    def line(self) -> str:
+        """What it is of, where that is no vehicle: ``friction`` for legs alone, ``wake`` for the
+        wake of another aircraft. Empty for aerodynamics, and for the constant reference pressure of
+        a vehicle that only rolls."""
+        kinds = {part["kind"] for part in self.parts.values()}
+        alone = (
+            len(kinds) == 1
             and all(term.part for term in self.terms)
             and not self.increments
             and self.reference.pressure is None
         )
+        return LINES.get(kinds.pop(), "") if alone else ""
 
     @cached_property
     def unused_parameters(self) -> tuple[str, ...]:

@@ -288,12 +288,22 @@ class WakeEncountered(Answer):
     notes: list[str]
 
 
+class WakeVersion(Answer):
+    """A wake that was kept: id and label of its version, and the name that it now has."""
+
+    version: str
+    label: str
+    name: str
+
+
 class Wakes(Answer):
-    """Wakes that flights met, in their order; null for fewer than two wakes."""
+    """Wakes that flights met, in their order; null for fewer than two wakes. versions : those that
+    were kept."""
 
     encounters: list[WakeEncountered]
     circulation_falls: bool | None
     core_grows: bool | None
+    versions: list[WakeVersion]
 
 
 class Turbulence(Answer):

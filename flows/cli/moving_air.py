@@ -94,6 +94,9 @@ def wake(
     heading: Annotated[
         str | None, typer.Option(help='Of the aircraft that made the wake, such as "30 deg".')
     ] = None,
+    keep: Annotated[
+        bool, typer.Option("--keep", help="Store each as a version of a wake (released-wake).")
+    ] = False,
     vehicle: Vehicle = None,
 ) -> None:
     """Vortex pair of another aircraft's wake that flights met, in the order given: circulation,
@@ -113,9 +116,11 @@ def wake(
             "flights": [row.id for row in flown],
             **stretches[0],
             "heading": None if heading is None else quantity(heading, "rad"),
+            "keep": keep,
         },
         direct=True,
     )
+    kept = document["versions"]
     met = sum(each["wake"] is not None for each in document["encounters"])
     session.headlines(
         f"{met} of {len(flights)} flights met a wake",
@@ -126,8 +131,11 @@ def wake(
                 ("core grows from each to the next", "core_grows"),
             )
             if document[name] is not None
-        ],
-        next(
+        ]
+        + [("kept", ", ".join(f"{each['label']} ({each['name']})" for each in kept))],
+        _flown_with(kept[0], flown[0].vehicle)
+        if kept
+        else next(
             (
                 _flown_through("wake", _wake_as_stated(each["wake"]), row.vehicle)
                 for row, each in zip(flown, document["encounters"], strict=True)
@@ -160,6 +168,13 @@ def _flown_through(table: str, stated: Mapping[str, str], vehicle: str) -> str:
     keys = ", ".join(f'{key} = "{value}"' for key, value in stated.items())
     fly = f"aerodb version fly released --vehicle {vehicle} --manoeuvre FILE"
     return f"add {table} = {{ {keys} }} on top of a manoeuvre file; then {fly}"
+
+
+def _flown_with(kept: Mapping[str, str], vehicle: str) -> str:
+    """The command that flies a version through a wake that was kept."""
+    return (
+        f"aerodb version fly released --vehicle {vehicle} --manoeuvre FILE --with {kept['label']}"
+    )
 
 
 def _gusts_as_stated(document: Mapping[str, Any]) -> dict[str, str]:

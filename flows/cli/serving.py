@@ -9,7 +9,7 @@ from aerodb.errors import InputError, StoreBusyError
 from aerodb.flows.cli.output import Session
 from aerodb.flows.cli.references import Direct
 from aerodb.storage.locks import take
-from aerodb.tasks.result_versions import OF_FRICTION
+from aerodb.tasks.result_versions import OF_LINES
 
 if TYPE_CHECKING:
     from aerodb.storage.workspace import Workspace
@@ -157,7 +157,7 @@ def status(context: typer.Context) -> None:
         )
         session.say(
             f"{entry['vehicle']}: released {entry['released'] or '-'}, candidate"
-            f" {entry['candidate'] or '-'}{_of_friction(entry)}; {loops}"
+            f" {entry['candidate'] or '-'}{_of_lines(entry)}; {loops}"
         )
         if entry["rejected"]:
             session.say(f"rejected of the newest flights of {entry['vehicle']}:")
@@ -168,9 +168,9 @@ def status(context: typer.Context) -> None:
     session.answer(document)
 
 
-def _of_friction(entry: Mapping[str, Any]) -> str:
-    """What the line of friction of a vehicle has; empty where there is none."""
-    return "".join(f", {name} {entry[name]}" for name in OF_FRICTION.values() if name in entry)
+def _of_lines(entry: Mapping[str, Any]) -> str:
+    """What the lines of friction and wakes of a vehicle have; empty where there are none."""
+    return "".join(f", {name} {entry[name]}" for name in OF_LINES if name in entry)
 
 
 def _say_runs(session: Session, runs: list[dict[str, Any]]) -> None:

@@ -142,7 +142,7 @@ class _EarlierUpdate:
 
 def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
     """Return the update that made a version, without retracted flights."""
-    from aerodb.tasks.result_versions import OF_FRICTION, RELEASED
+    from aerodb.tasks.result_versions import NAMES, RELEASED
 
     settings = catalogue.settings_of([version.id])[version.id]
     if "model" not in settings:
@@ -161,7 +161,7 @@ def _as_before(catalogue: "Catalogue", version: "VersionRow") -> _EarlierUpdate:
         [use.flight for use in standing],
         held or None,
         settings.get("select"),
-        OF_FRICTION[RELEASED] if "with" in settings else None,
+        NAMES["friction"][RELEASED] if "with" in settings else None,
     )
 
 

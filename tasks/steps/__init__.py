@@ -87,6 +87,6 @@ if TYPE_CHECKING:
         responses_summary,
         summarise_responses,
     )
-    from .wake import encounters
+    from .wake import encounters, keep_wake
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

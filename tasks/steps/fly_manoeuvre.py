@@ -1,6 +1,7 @@
 """A version flown through a described manoeuvre, from trim."""
 
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -52,7 +53,7 @@ def fly_manoeuvre(
 ) -> dict[str, Any]:
     """Trim a version (its id), fly a manoeuvre (text of its file), and store the responses.
 
-    beside : as of `WorkspaceAccess.flown_database`.
+    beside : as of `WorkspaceAccess.flown_database`, or a version of a wake, which is met.
 
     Returns a document: version, with (`beside`, where there is one), key, manoeuvre, trim
     (`trim_document`), feedback, moved (input -> least and greatest value), responses (channel ->
@@ -72,7 +73,10 @@ def fly_manoeuvre(
     result = StoredResult(access, "fly", "simulation", inputs, settings)
     path = result.stored()
     if path is None:
-        database = access.flown_database(version, beside)
+        pair = access.wake(beside)
+        if pair is not None:
+            stated = in_stated_wake(stated, pair)
+        database = access.flown_database(version, "" if pair else beside)
         document, table = _flown(access.catalogue, row, stated, stabilise, database)
         document |= {"key": result.key, **({"with": beside} if beside else {})}
         result.keep(run, lambda path: write_results(path, table, {"document": document}))
@@ -98,6 +102,18 @@ def fly_manoeuvre(
     stored = access.catalogue.result(result.key)
     head = head_of_result(access, stored, user()) if stored else None
     return {**document, "page": "".join(response_report(row.label, "", None, [drawn], head))}
+
+
+def in_stated_wake(stated: Manoeuvre, pair: VortexPair) -> Manoeuvre:
+    """Return a manoeuvre through a wake [SI] whose place counts from where the run begins.
+
+    Raises InputError where the manoeuvre states a wake of its own.
+    """
+    if stated.wake is not None:
+        raise InputError("a second wake", f"manoeuvre {stated.name}", "leave [wake] or --with out")
+    north, east, up = pair.place
+    placed = replace(pair, place=(north, east, stated.condition.altitude + up))
+    return replace(stated, wake=placed)
 
 
 def _flown(

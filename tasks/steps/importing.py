@@ -26,7 +26,7 @@ from aerodb.exchange import (
     is_daveml,
     is_own_mat,
     joined,
-    read_legs,
+    read_alone,
     read_native,
 )
 from aerodb.storage.catalogue import VersionRow
@@ -120,7 +120,7 @@ def import_database(
         settings["held"] = held
     outcome, gone = _outcome(checks), list(without_values(database))
     cg = _cg_of(access.vehicle(vehicle)[0])
-    unusual = [] if gone or database.legs_alone else list(unusual_content(database, cg))
+    unusual = [] if gone or database.line else list(unusual_content(database, cg))
     report = {
         "imported_from": path.name,
         **({"without_values": gone} if gone else {}),
@@ -158,8 +158,8 @@ def import_database(
         "unusual": unusual,
         "file_checks": outcome,
         "read_as": database.description.splitlines() if is_of_code(data, path.name) else [],
-        "lacks": list(lacking_effects(database)) if not (gone or database.legs_alone) else [],
-        "curves": _curves(database) if not (gone or database.legs_alone) else {},
+        "lacks": list(lacking_effects(database)) if not (gone or database.line) else [],
+        "curves": _curves(database) if not (gone or database.line) else {},
         **known,
     }
 
@@ -314,8 +314,8 @@ def read_database(
     if suffix == ".toml":
         text = _text(data, name)
         lengths = None if vehicle is None else vehicle.reference
-        legs = None if lengths is None else read_legs(text, name, lengths)
-        return legs or read_native(text, name)
+        alone = None if lengths is None else read_alone(text, name, lengths)
+        return alone or read_native(text, name)
     for at, mark, importer in _BY_MARK:
         if data[at : at + len(mark)] == mark:
             return importer(data, name)

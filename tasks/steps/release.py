@@ -41,7 +41,7 @@ from aerodb.storage.workspace_settings import GateSettings, load_settings
 from aerodb.suspicions import limits_flight
 from aerodb.tables import AeroDatabase, CheckCase
 from aerodb.tasks.actors import user
-from aerodb.tasks.result_versions import OF_FRICTION, RELEASED
+from aerodb.tasks.result_versions import NAMES, RELEASED
 from aerodb.tasks.steps.conditioning import stored_suspicions
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace, database_from
 
@@ -55,8 +55,8 @@ def promote(
     reason: str,
     accept: Sequence[str] = (),
 ) -> dict[str, Any]:
-    """Point `name` at a version (its id); ``released`` only through the gate. Of a version of legs
-    alone that is ``released-friction`` (`OF_FRICTION`).
+    """Point `name` at a version (its id); ``released`` only through the gate. In the lines of
+    friction and of wakes that is ``released-friction`` or ``released-wake`` (`NAMES`).
 
     accept : changes of derivatives (``Cm_delta_elevator``), errors of sensors
     (``alpha_scale@all``, all of them ``sensors``), estimates that cannot be told apart
@@ -75,9 +75,9 @@ def promote(
     own = _released_name(access, row)
     name = own if name == RELEASED else name
     guarded = name == own
-    if not guarded and name in (RELEASED, OF_FRICTION[RELEASED]):
+    if not guarded and name in (names[RELEASED] for names in NAMES.values()):
         raise InputError(
-            f"'{name}' is of legs alone", f"version {row.label}", f"its line has the name {own}"
+            f"'{name}' is of another line", f"version {row.label}", f"its line has the name {own}"
         )
     current = catalogue.named(row.vehicle, name)
     if current is not None and current.version == row.id:

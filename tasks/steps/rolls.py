@@ -72,7 +72,7 @@ def plan_rolls(
     """
     access = access_workspace(workspace)
     database = access.flown_database(baseline, beside)
-    if beside and not access.database(baseline).legs_alone:
+    if beside and access.database(baseline).line != "friction":
         baseline, beside = beside, baseline
     rolls = recorded_rolls(rolled_flights(access, flights, run), database)
     lacking = [by_itself(flight, reason) for flight, reason in rolls.left_out.items()]

@@ -1,6 +1,6 @@
 """Wake of another aircraft that stored flights met."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any, Final
 
@@ -9,12 +9,17 @@ from numpy.typing import NDArray
 
 from aerodb.consistency import air_data_of_sensors, air_velocity, probe_path
 from aerodb.errors import InputError
+from aerodb.exchange import database_content_sha256, wake_database
 from aerodb.flight import Flight
 from aerodb.identification import identify_wake
-from aerodb.physics import quaternion_from_euler, to_earth
+from aerodb.physics import CORES, VortexPair, quaternion_from_euler, to_earth
+from aerodb.storage.catalogue import FlightRole
 from aerodb.support import Array
+from aerodb.tasks.result_versions import CANDIDATE, NAMES, RELEASED
 from aerodb.tasks.steps.consistency import load_consistent, unmeasured_angles
+from aerodb.tasks.steps.importing import known_vehicle
 from aerodb.tasks.steps.ingest import flight_as_measured
+from aerodb.tasks.steps.publish import add_version, move
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.vehicle import Vehicle
 
@@ -25,6 +30,8 @@ _CORES: Final = ("wild_point",)
 #: Least angle between path and axis at which one vane tells a wake's sizes [rad]: below it a pair
 #: is crossed in as much time as a long gust, 100 m for a spacing of 17 m.
 _CROSSED: Final = float(np.deg2rad(10.0))
+#: Sizes of a wake that a version has as parameters.
+_SIZES: Final = ("circulation", "core_radius", "spacing")
 #: Velocity of the air that a flow angle shows, and its body axis.
 _ACROSS: Final = {"alpha": "up and down", "beta": "to the sides"}
 _AXIS: Final = {"alpha": 2, "beta": 1}
@@ -47,8 +54,8 @@ def encounters(
     Returns a document: encounters (flight, since, until [s], air: least and greatest velocity
     north, east, down [m/s], wake: whether one is claimed, gain, needed, circulation, core_radius,
     spacing, right, below, heading, slope with value and standard_error, nearest [m], core, place:
-    north, east, altitude [m] from where the stretch begins, notes), circulation_falls and
-    core_grows (null for fewer than two wakes).
+    north, east, altitude [m] from where the stretch begins, track there [rad], notes),
+    circulation_falls and core_grows (null for fewer than two wakes).
     """
     access = access_workspace(workspace)
     met = []
@@ -82,6 +89,53 @@ def encounters(
         "circulation_falls": rises("circulation", -1.0),
         "core_grows": rises("core_radius", 1.0),
     }
+
+
+def keep_wake(flight: str, *, workspace: str, run: str, wake: Mapping[str, Any]) -> dict[str, Any]:
+    """Store the vortex pair that a flight (its id) met as a version of the line of wakes, which
+    becomes ``released-wake`` where none is.
+
+    wake : as of `encounters` [SI]; of the version, the place counts from where the encounter
+    begins, and north is the track there. Returns a document: version, label, name (that which it
+    now has, '' for none).
+    """
+    access = access_workspace(workspace)
+    row = access.catalogue.flight(flight)
+    pair = _along_track(wake)
+    errors = {name: wake[name]["standard_error"] for name in _SIZES}
+    lengths = known_vehicle(access.vehicle(row.vehicle)[0]).reference
+    assert lengths is not None  # of a vehicle file they are always known
+    database = wake_database(pair, errors, lengths)
+    consistent = load_consistent(access, row, run)
+    version = add_version(
+        access,
+        database,
+        row.vehicle,
+        None,
+        [consistent.key],
+        {"wake": database_content_sha256(database)},
+        {"wake": dict(wake)},
+        [FlightRole(flight, "identified")],
+        run,
+    )
+    name = NAMES["wake"][RELEASED]
+    if access.named(row.vehicle, name) in (None, version.id):
+        move(access, row.vehicle, name, version.id, f"first wake (flight {row.label})")
+    else:
+        name = NAMES["wake"][CANDIDATE]
+        move(access, row.vehicle, name, version.id, f"wake of flight {row.label}")
+    return {"version": version.id, "label": version.label, "name": name}
+
+
+def _along_track(wake: Mapping[str, Any]) -> VortexPair:
+    """The pair [SI] in axes that are turned to the track at the begin of its encounter."""
+    north, east, up = wake["place"]
+    cos, sin = np.cos(wake["track"]), np.sin(wake["track"])
+    value = {name: float(wake[name]["value"]) for name in (*_SIZES, "heading", "slope")}
+    heading = float(np.angle(np.exp(1j * (value.pop("heading") - wake["track"]))))
+    place = (float(cos * north + sin * east), float(cos * east - sin * north), float(up))
+    core = wake["core"] or CORES[-1]
+    return VortexPair(**value, heading=heading, place=place, core=core)
 
 
 def _encounter(
@@ -184,6 +238,7 @@ def _encounter(
         "nearest": found.nearest,
         "core": found.core,
         "place": list(pair.place),
+        "track": _track(path),
         **{
             name: {"value": value, "standard_error": _finite(found.errors[name])}
             for name, value in values.items()
@@ -199,6 +254,12 @@ def _body_axes(flight: Flight, inside: NDArray[np.bool_]) -> Array:
     )
     ones = np.ones(attitude.shape[1])
     return np.stack([to_earth(attitude, np.outer(axis, ones)) for axis in np.eye(3)])
+
+
+def _track(path: Array) -> float:
+    """Direction [rad from north] in which a path (3, m) begins: over its first tenth."""
+    north, east = path[:2, max(1, path.shape[1] // 10)] - path[:2, 0]
+    return float(np.arctan2(east, north))
 
 
 def _angle(path: Array, heading: float) -> float:

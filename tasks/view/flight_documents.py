@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any, Final
 from aerodb.recording import Damage
 from aerodb.remarks import NEVER_AIRBORNE
 from aerodb.storage.catalogue import FlightRow, ResultRow
-from aerodb.tasks.result_versions import OF_FRICTION, RELEASED
+from aerodb.tasks.result_versions import NAMES, RELEASED
 
 # A list of flights reads the catalogue alone, and does not wait for what reads files; a log that is
 # only inspected does not wait for the catalogue.
@@ -172,14 +172,14 @@ def roll_command(access: "WorkspaceAccess", row: FlightRow) -> str:
     from aerodb.storage.files import read_flight
 
     released = access.named(row.vehicle, RELEASED)
-    friction = access.named(row.vehicle, OF_FRICTION[RELEASED])
+    friction = access.named(row.vehicle, NAMES["friction"][RELEASED])
     database = access.database(released or versions[-1].id)
     beside = "" if released else f" --baseline {versions[-1].label}"
-    if friction and not leg_parameters(database) and not database.legs_alone:
+    if friction and not leg_parameters(database) and not database.line:
         database = access.flown_database(released or versions[-1].id, friction)
-        beside += f" --with {OF_FRICTION[RELEASED]}"
+        beside += f" --with {NAMES['friction'][RELEASED]}"
     stored = [r for r in access.catalogue.results_of(row.id) if r.step == "ingest"]
-    if not stored or database.legs_alone or not leg_parameters(database):
+    if not stored or database.line or not leg_parameters(database):
         return ""
     flight = read_flight(access.file_of(stored[-1].path))
     if not all(name in flight for name in flight_model(database).inputs):

@@ -8,7 +8,7 @@ from aerodb.storage.catalogue import RunRow
 from aerodb.storage.inbox import count_quarantined, undelivered_notifications
 from aerodb.storage.locks import is_held, note_of
 from aerodb.storage.workspace_settings import LoopSettings, Schedule, Settings, load_settings
-from aerodb.tasks.result_versions import CANDIDATE, OF_FRICTION, RELEASED
+from aerodb.tasks.result_versions import CANDIDATE, OF_LINES, RELEASED
 from aerodb.tasks.steps import Due, due, files_of_inbox, in_quarantine, parameters_of
 from aerodb.tasks.view.version_documents import waiting
 from aerodb.tasks.workspace_access import WorkspaceAccess
@@ -132,9 +132,9 @@ def _vehicle(access: WorkspaceAccess, settings: Settings, name: str) -> dict[str
     loop = settings.loop_of(name)
     states = {way: due(access, name, loop, way) for way in loop.run}
     labels = {}
-    for pointer in (RELEASED, CANDIDATE, *OF_FRICTION.values()):
+    for pointer in (RELEASED, CANDIDATE, *OF_LINES):
         version = access.named(name, pointer)
-        if version or pointer not in OF_FRICTION.values():
+        if version or pointer not in OF_LINES:
             labels[pointer] = access.catalogue.version_of_id(version).label if version else None
     loops = [
         {

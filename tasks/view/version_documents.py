@@ -6,7 +6,7 @@ from typing import Any
 from aerodb.increments import held_out_error
 from aerodb.report import hypothesis_words
 from aerodb.storage.catalogue import Catalogue, NameEvent, NoteRow, VersionRow
-from aerodb.tasks.result_versions import CANDIDATE, OF_FRICTION, RELEASED
+from aerodb.tasks.result_versions import CANDIDATE, NAMES, RELEASED
 
 
 def version_document(row: VersionRow) -> dict[str, Any]:
@@ -117,9 +117,8 @@ def findings_words(document: dict[str, Any]) -> str:
 def waiting(catalogue: Catalogue, vehicle: str) -> list[VersionRow]:
     """Return the versions of a vehicle that wait for a decision: the candidate of each line, where
     it continues the released version, is not stale and was never released itself. That of the
-    aerodynamics comes first, then that of friction."""
-    lines = ((CANDIDATE, RELEASED), (OF_FRICTION[CANDIDATE], OF_FRICTION[RELEASED]))
-    found = (_waiting(catalogue, vehicle, *line) for line in lines)
+    aerodynamics comes first, then those of friction and wakes."""
+    found = (_waiting(catalogue, vehicle, n[CANDIDATE], n[RELEASED]) for n in NAMES.values())
     return [row for row in found if row is not None]
 
 

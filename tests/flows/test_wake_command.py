@@ -20,7 +20,7 @@ from aerodb.physics import (
 )  # fmt: skip
 from aerodb.simulation import Condition, flight_model, simulate, trim, with_feedback
 from aerodb.support import Array
-from tests.support.command import aerodb, asked
+from tests.support.command import aerodb, asked, of_schema
 from tests.support.parts import MASSES, RATE, SENSORS, TEXT, VEHICLE, aircraft
 from tests.support.small_glider import write_csv
 
@@ -210,3 +210,67 @@ def test_what_a_flight_met_is_flown_again_by_the_line_that_is_printed(
     words = command.replace("FILE", str(file)).replace("released", "v0001").split()[1:]
     flown = aerodb(workspace, *words)
     assert flown.returncode == 0, flown.stderr
+
+
+def test_a_wake_is_a_version_of_its_own_line(
+    flights: tuple[Path, list[str]], tmp_path: Path
+) -> None:
+    """Kept, flown through, compared with the next, judged, released and rolled back; the
+    aerodynamics stay what they are."""
+    workspace, ids = flights
+    found = of_schema("flight wake", asked(workspace, "flight", "wake", *ids[:2], "--keep"))
+    first, second = found["versions"]
+    assert (first["name"], second["name"]) == ("released-wake", "candidate-wake")
+    again = asked(workspace, "flight", "wake", *ids[:2], "--keep")["versions"]
+    assert [each["version"] for each in again] == [first["version"], second["version"]]
+
+    def named() -> dict[str, str]:
+        listed = asked(workspace, "version", "list")
+        return {name: each["label"] for each in listed for name in each["names"]}
+
+    assert named()["released"] == "v0001"
+    shown = asked(workspace, "version", "show", first["label"])
+    assert shown["report"]["wake"]["circulation"] == found["encounters"][0]["wake"]["circulation"]
+    edits = asked(workspace, "version", "diff", first["label"], second["label"])["terms"]
+    changes = {edit["name"]: edit["change"] for edit in edits if edit["kind"] == "parameter"}
+    assert changes["circulation"] == pytest.approx(-30.0, rel=0.2)
+    assert changes["core_radius"] == pytest.approx(0.3, rel=0.2)
+    gate = asked(workspace, "version", "gate", "candidate-wake")
+    told = {each["label"]: each["not_judged"] for each in gate["checks"]}
+    assert told["content"] in (None, "does not apply: a wake alone")
+    moved = asked(workspace, "version", "promote", "candidate-wake", "--reason", "it is later")
+    assert moved["name"] == "released-wake"
+    assert named() == {"released": "v0001"} | dict.fromkeys(
+        ("released-wake", "candidate-wake"), second["label"]
+    )
+    asked(workspace, "version", "rollback", "--name", "released-wake", "--reason", "the first")
+    assert named()["released-wake"] == first["label"]
+
+    still = '[trim]\nV = "60 m/s"\naltitude = "1000 m"\n'
+    file = tmp_path / "through.toml"
+    file.write_text(f'name = "through"\nduration = "30 s"\n{still}', encoding="utf-8")
+    fly = ("version", "fly", "v0001", "--manoeuvre", str(file))
+    met = asked(workspace, *fly, "--with", "released-wake")
+    size = met["air"]["gust_w"]
+    assert max(map(abs, size)) > 5.0
+    assert "air" not in asked(workspace, *fly)
+    pair = found["encounters"][0]["wake"]
+    north, east, up = pair["place"]
+    assert abs(pair["track"]) < 0.02, "the flight begins to the north"
+    axis = {name: pair[name]["value"] for name in ("circulation", "core_radius", "spacing")}
+    table = (
+        f'circulation = "{axis["circulation"]} m^2/s"\ncore_radius = "{axis["core_radius"]} m"\n'
+        f'spacing = "{axis["spacing"]} m"\nahead = "{north} m"\nright = "{east} m"\n'
+        f'below = "{-up} m"\nheading = "{pair["heading"]["value"]} rad"\n'
+        f'slope = "{pair["slope"]["value"]} rad"\ncore = "{pair["core"]}"\n'
+    )
+    stated = file.read_text(encoding="utf-8") + f"[wake]\n{table}"
+    file.write_text(stated, encoding="utf-8")
+    assert asked(workspace, *fly)["air"]["gust_w"] == pytest.approx(size, rel=0.05)
+    both = aerodb(workspace, *fly, "--with", "released-wake")
+    assert "a second wake" in both.stderr
+    part = aerodb(workspace, "close-loop", "--with", "released-wake", "--direct")
+    assert part.returncode != 0
+    assert "version fly" in part.stderr
+    asked(workspace, "flight", "retract", ids[1], "--reason", "it was another aircraft")
+    assert asked(workspace, "version", "show", second["label"])["stale"], "it was made from it"
