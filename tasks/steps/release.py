@@ -3,7 +3,7 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import Any, Final
 
 from aerodb.conditioning import Suspicion
 from aerodb.errors import GateRefusal, InputError
@@ -45,6 +45,9 @@ from aerodb.tasks.result_versions import NAMES, RELEASED
 from aerodb.tasks.steps.conditioning import stored_suspicions
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace, database_from
 
+#: What the versions of a line are, in words.
+_OF: Final = {"": "aerodynamics", "friction": "legs alone", "wake": "wakes alone"}
+
 
 def promote(
     version: str,
@@ -75,9 +78,10 @@ def promote(
     own = _released_name(access, row)
     name = own if name == RELEASED else name
     guarded = name == own
-    if not guarded and name in (names[RELEASED] for names in NAMES.values()):
+    others = {names[RELEASED]: _OF[line] for line, names in NAMES.items()}
+    if not guarded and name in others:
         raise InputError(
-            f"'{name}' is of another line", f"version {row.label}", f"its line has the name {own}"
+            f"'{name}' is of {others[name]}", f"version {row.label}", f"its line has the name {own}"
         )
     current = catalogue.named(row.vehicle, name)
     if current is not None and current.version == row.id:
