@@ -192,5 +192,7 @@ def test_a_px4_log_says_what_it_holds(
         for words in ("PX4 1.11.2 dev", "980 parameters", "Takeoff detected", "sample_log_small"):
             assert words in page, words
         ((_, line),) = _lines(client, flight, "logged=battery_status:voltage_v").items()
-        assert line["label"] == "battery_status:voltage_v [unit not logged]"
+        assert line["label"] == "battery_status:voltage_v [V]", "as the mapping states it"
         assert 23.0 < min(line["values"]) < max(line["values"]) < 24.0
+        ((_, line),) = _lines(client, flight, "logged=battery_status:current_a").items()
+        assert line["label"] == "battery_status:current_a [unit not logged]"
