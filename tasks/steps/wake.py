@@ -97,7 +97,7 @@ def keep_wake(flight: str, *, workspace: str, run: str, wake: Mapping[str, Any])
 
     wake : as of `encounters` [SI]; of the version, the place counts from where the encounter
     begins, and north is the track there. Returns a document: version, label, name (that which it
-    now has, '' for none).
+    now has).
     """
     access = access_workspace(workspace)
     row = access.catalogue.flight(flight)
