@@ -17,18 +17,19 @@ DOCS := .venv-docs
 install: $(READY)
 
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check --no-deps
-# Compiled is what commands import, on all cores; pip would compile one file after the other, of which half are tests of their packages.
+INSTALLED := $(BIN)/python flows/deploy/install.py
+# Compiled is what commands import, on all cores; half of the files are tests of their packages.
 $(READY): flows/deploy/runtime.txt pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || { echo "aerodb needs python3 >= 3.11"; exit 1; }
 	@test -x $(BIN)/python || $(PYTHON) -m venv $(VENV)
-	$(PIP) --no-compile --require-hashes -r flows/deploy/runtime.txt
+	$(INSTALLED) flows/deploy/runtime.txt
 	$(PIP) --no-build-isolation -e .
 	-$(BIN)/python -m compileall -qq -j 0 -x '/(tests|pip)/' $(VENV)/lib aerodb flows tasks storage
 	$(BIN)/python -m aerodb.flows.compile_kernels
 	@touch $(READY)
 
 $(TESTED): requirements-hashed.txt $(READY)
-	$(PIP) --no-compile --require-hashes -r requirements-hashed.txt
+	$(INSTALLED) requirements-hashed.txt
 	@touch $(TESTED)
 
 demo: install
@@ -73,12 +74,13 @@ campaign: $(TESTED)
 	$(BIN)/python -m pytest -n $(JOBS) -m "heavy or campaign" --full-campaign
 
 # The hashes of all pins: of everything, and of what production needs (the tools of the tests stay out).
-PINS := $(RELEASE)/bin/uv pip compile --quiet --generate-hashes --python-version 3.11 --no-annotate --no-header
-pins: $(RELEASE)/.ready
+PINS := $(VENV)/uv/bin/uv pip compile --quiet --generate-hashes --python-version 3.11 --no-annotate --no-header
+pins: $(READY)
 	$(PINS) --universal --no-deps requirements.txt -o requirements-hashed.txt
 	$(PINS) --python-platform linux --extra jsbsim --constraint requirements.txt pyproject.toml flows/deploy/build.in -o flows/deploy/runtime.txt
 	$(PINS) flows/deploy/release-tools.in -o flows/deploy/release-tools.txt
 	$(PINS) flows/deploy/docs-tools.in -o flows/deploy/docs-tools.txt
+	$(PINS) flows/deploy/uv.in -o flows/deploy/uv.txt
 
 # What a release consists of: the wheel, its bill of materials (CycloneDX) and the licences of all that it needs.
 release: install $(RELEASE)/.ready
