@@ -73,7 +73,8 @@ def point_of(text: str, inputs: tuple[str, ...]) -> dict[str, float]:
     """Parse ``NAME=VALUE,...`` to channel -> value [SI]; common other names are taken (aoa,
     airspeed, elevator).
 
-    Raises InputError for a name that is not one of `inputs`, and for a value that is not a number.
+    Raises InputError for a name that is not one of `inputs` or stands twice, and for a value that
+    is not a number.
     """
     point = {}
     for part in filter(None, (part.strip() for part in text.split(","))):
@@ -84,6 +85,8 @@ def point_of(text: str, inputs: tuple[str, ...]) -> dict[str, float]:
             raise InputError(
                 f"'{part}' is not an input of this version", "--at", nearest(name, inputs)
             )
+        if name in point:
+            raise InputError(f"{name} stands twice", "--at", "give each input once")
         point[name] = value_of(name, value)
     return point
 

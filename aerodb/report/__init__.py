@@ -75,7 +75,7 @@ if TYPE_CHECKING:
     from .loop_documents import loop_document, rival_remarks, stall_remarks
     from .mode_table import COMPARED, mode_table, mode_words
     from .next_command import accepting, measurements, measuring
-    from .numbers import display_unit, for_people
+    from .numbers import change, display_unit, for_people
     from .page import pdf, render
     from .qualification import closed_words, feedback_lines, qualification_csv, uncovered_numbers
     from .reach import beyond_data, beyond_words, reach_of

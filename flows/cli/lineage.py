@@ -26,7 +26,7 @@ def lineage(
         typer.Option(help="A table node, TABLE[i,j], counted from 0; or a parameter's name."),
     ] = None,
     at: Annotated[
-        str | None,
+        list[str] | None,
         typer.Option(help="A point: NAME=VALUE,... with units or in SI; the rest are 0."),
     ] = None,
     prov: Annotated[
@@ -49,7 +49,7 @@ def lineage(
     if prov is not None:
         _write_prov(session, workspace, catalogue, row, prov)
     if node is not None or at is not None:
-        _origins(session, catalogue, row, node, at or "")
+        _origins(session, catalogue, row, node, ",".join(at or ()))
     else:
         _whole(session, catalogue, row)
 

@@ -192,6 +192,7 @@ def _say_details(
             for t in document["topics"]
         ],
         numbers=(1, 2, 3, 4, 5, 6, 7),
+        spare=(6,),
     )
     say_damage(session, recording.damage, "damage")
     if document["mapping"] is None:

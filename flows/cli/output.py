@@ -40,6 +40,8 @@ _WHOLE_WORDS: Final[dict[str, Any]] = {"break_long_words": False, "break_on_hyph
 
 #: Least width of a column of text, which may be divided.
 _TEXT: Final = 8
+#: A column of names stays whole if it takes at most one part in so many of a line.
+_NAME: Final = 3
 #: Spaces between columns.
 _GAP: Final = 2
 
@@ -274,7 +276,10 @@ class Session:
             if k in kept and self._over(wide[each] for each in kept):
                 kept.remove(k)
                 left_out.append(columns[k])
-        least = [wide[k] if k in numbers else min(wide[k], _TEXT) for k in range(len(columns))]
+        least = [
+            wide[k] if k in numbers or self._names(k, wide[k]) else min(wide[k], _TEXT)
+            for k in range(len(columns))
+        ]
         parts = [kept[:1]]
         for k in kept[1:]:
             if self._over(least[each] for each in [*parts[-1], k]):
@@ -292,6 +297,10 @@ class Session:
         if left_out:
             self.say(f"not shown on a terminal this narrow: {', '.join(left_out)}")
 
+    def _names(self, k: int, wide: int) -> bool:
+        """Whether column k names the rows and is short enough to stay whole."""
+        return k == 0 and _NAME * wide <= self.people.width
+
     def _over(self, widths: Iterable[int]) -> bool:
         """Whether columns of these widths do not fit side by side."""
         held = list(widths)
@@ -303,8 +312,11 @@ class Session:
         """Print a table whose cells have to be divided."""
         grid = Table(box=None, header_style="bold", pad_edge=False)
         for k, column in enumerate(columns):
+            wide = max(map(cell_len, (column, *(row[k] for row in cells if k < len(row)))))
             grid.add_column(
-                Text(column), justify="right" if k in numbers else "left", no_wrap=k in numbers
+                Text(column),
+                justify="right" if k in numbers else "left",
+                no_wrap=k in numbers or self._names(k, wide),
             )
         for row in cells:
             grid.add_row(*map(Text, row))

@@ -20,8 +20,9 @@ def tabulate(
         typer.Option(help="INPUT=LEAST:GREATEST:NODES, such as alpha=-10deg:20deg:31; repeat it."),
     ],
     at: Annotated[
-        str, typer.Option(help="NAME=VALUE,... of other inputs, such as V=55,throttle=0.6.")
-    ] = "",
+        list[str] | None,
+        typer.Option(help="NAME=VALUE,... of other inputs, such as V=55,throttle=0.6."),
+    ] = None,
     vehicle: Vehicle = None,
 ) -> None:
     """Make a version of tables of a version, such as an aircraft of parts, for tools that know
@@ -40,7 +41,7 @@ def tabulate(
     parameters = {
         "version": row.id,
         "over": dict(_range(text) for text in over),
-        "at": point_of(at, database_of(catalogue, row).inputs),
+        "at": point_of(",".join(at or ()), database_of(catalogue, row).inputs),
     }
     if len(parameters["over"]) < len(over):
         raise InputError("an input stands twice", "--over", "give each input once")

@@ -381,7 +381,7 @@ def evaluate(
     context: typer.Context,
     version: str,
     at: Annotated[
-        str,
+        list[str],
         typer.Option(
             help="Point: NAME=VALUE,... with units or in SI; the rest are 0, in free air."
         ),
@@ -401,7 +401,8 @@ def evaluate(
     session: Session = context.obj
     catalogue = session.catalogue()
     row = version_of(catalogue, version, vehicle, as_of)
-    document = evaluate_at(catalogue, row, at)
+    point = ",".join(at)
+    document = evaluate_at(catalogue, row, point)
     errors = document["standard_errors"]
     shown = {
         axis: "not known" if error is None else f"{error:.2g}" for axis, error in errors.items()
@@ -416,16 +417,16 @@ def evaluate(
         where[place].append(axis)
     coefficients = document["coefficients"].items()
     session.headlines(
-        f"{row.vehicle}: {row.label} at {at}:"
+        f"{row.vehicle}: {row.label} at {point}:"
         f" {', '.join(f'{axis} {value:.3g}' for axis, value in coefficients)}",
         [
             ("known", "; ".join(f"{place}: {' '.join(axes)}" for place, axes in where.items())),
             ("outside", f"what was flown: {', '.join(outside)}" if outside else ""),
         ],
-        f"aerodb version lineage {row.label} --vehicle {row.vehicle} --at {at}",
+        f"aerodb version lineage {row.label} --vehicle {row.vehicle} --at {point}",
     )
     session.say()
-    head = ["axis", f"{row.label} at {at}", "standard error", "place"]
+    head = ["axis", f"{row.label} at {point}", "standard error", "place"]
     if document["extrapolated"] is not None:
         head.append("slopes extrapolated")
         rows = [[*each, f"{document['extrapolated'][each[0]]:.6g}"] for each in rows]

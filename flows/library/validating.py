@@ -11,7 +11,7 @@ from aerodb.flows.library.flights import ComparedFlight
 from aerodb.flows.library.tracing import TracedFlights, flights_in_memory, segments_of
 from aerodb.flows.library.updating import UpdatedDatabase
 from aerodb.flows.library.views import Data, Result, Summary, Values, number
-from aerodb.report import display_unit
+from aerodb.report import count_within, display_unit
 from aerodb.simulation import parse_tolerances
 from aerodb.support import counted
 from aerodb.tables import AeroDatabase
@@ -46,12 +46,13 @@ class ValidatedDatabase(Result):
         """Return how many checks are within tolerance (a share of the time, dimensionless), and
         those that are not."""
         found = self.document
-        checks = found["checks"]
-        whole = sum(check["passed"] == check["manoeuvres"] for check in checks)
+        name = self.database.name if self.independent is None else "candidate"
+        flights = counted(len(found["flights"]), "flight")
         lines = [
-            f"{self.database.name}: {whole} of {len(checks)} checks within tolerance on every"
-            f" manoeuvre ({counted(found['manoeuvres'], 'manoeuvre')} of"
-            f" {counted(len(found['flights']), 'flight')})"
+            f"{name}: checks within tolerance: {count_within(found)};"
+            f" {counted(found['manoeuvres'], 'manoeuvre')} of {flights}"
+            if found["checks"]
+            else f"{name}: no manoeuvre of {flights} could be judged"
         ]
         lines += [
             f"  outside  {each['name']}, {each['since']:.1f} to {each['until']:.1f} s:"
@@ -61,7 +62,7 @@ class ValidatedDatabase(Result):
         lines += [
             f"  not flown  {each['name']}, {each['since']:.1f} to {each['until']:.1f} s:"
             f" {each['reason']}"
-            for each in (() if checks else found["not_flown"][:1])
+            for each in (() if found["checks"] else found["not_flown"][:1])
         ]
         if self.independent is False:
             lines.append("  not independent: flights identified this database")

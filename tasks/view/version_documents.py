@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from aerodb.increments import held_out_error
-from aerodb.report import hypothesis_words
+from aerodb.report import change, hypothesis_words
 from aerodb.storage.catalogue import Catalogue, NameEvent, NoteRow, VersionRow
 from aerodb.tasks.result_versions import CANDIDATE, NAMES, RELEASED
 
@@ -90,7 +90,7 @@ def held_out_words(error: dict[str, Any]) -> str:
     if error["after"] is None:
         return "not held out"
     changed = [
-        f"{axis} {before:.3g} to {after:.3g}"
+        f"{axis} {change(before, after)}"
         for axis, (before, after) in list(error["axes"].items())[:2]
     ]
     more = ", ..." if len(error["axes"]) > 2 else ""

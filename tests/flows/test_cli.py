@@ -261,6 +261,10 @@ def test_evaluate_gives_the_handbook_value_and_the_increment(
     assert asked(workspace, "version", "evaluate", "released", "--at", "alpha=0.5,V=25")[
         "outside_tables"
     ]
+    apart = asked(
+        workspace, "version", "evaluate", "candidate", "--at", "alpha=4deg", "--at", "V=25"
+    )
+    assert apart["coefficients"] == after["coefficients"]
 
 
 def test_a_version_is_shown_layered_or_consolidated(
@@ -344,6 +348,12 @@ def test_retracting_a_flight_makes_versions_stale(tmp_path: Path, shared: Shared
             "did you mean 'alpha'?",
         ),
         (
+            ["version", "evaluate", "released", "--at", "alpha=1deg", "--at", "alpha=2deg"],
+            3,
+            "--at: alpha stands twice",
+            "give each input once",
+        ),
+        (
             ["version", "evaluate", "released", "--at", "alpha=nan"],
             3,
             "--at: 'alpha=nan' is not a finite number",
@@ -411,6 +421,8 @@ def test_wrong_usage_and_an_absent_workspace(tmp_path: Path) -> None:
     lacking = aerodb(tmp_path / "w", "recalibrate")
     assert lacking.returncode == 2
     assert "--reason" in lacking.stderr
+    assert lacking.stderr.splitlines()[-1].startswith("Example: aerodb recalibrate ")
+    assert "Example" not in unknown.stderr
     absent = aerodb(tmp_path / "w", "version", "list")
     assert absent.returncode == 3
     assert absent.stderr.splitlines()[1] == (

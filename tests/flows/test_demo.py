@@ -324,6 +324,9 @@ def test_in_memory_a_version_flies_as_the_command_flies_it(phoenix):
     for ours, theirs in zip(flown.document["responses"], command["responses"], strict=True):
         assert ours["channel"] == theirs["channel"]
         assert ours["rms_error"] == pytest.approx(theirs["rms_error"], rel=1e-6), ours["channel"]
+    checks = command["checks"]
+    count = f"{sum(c['passed'] for c in checks)} of {sum(c['manoeuvres'] for c in checks)}"
+    assert str(flown).startswith(f"{database.name}: checks within tolerance: {count}; ")
     assert [(c["check"], c["passed"]) for c in flown.document["checks"]] == [
         (c["check"], c["passed"]) for c in command["checks"]
     ]

@@ -70,6 +70,9 @@ def test_no_number_is_cut_where_the_terminal_is_narrow(
     assert out.count("Dutch roll") == out.count("phugoid") == out.count("mode") > 1
     assert "id-1" not in out
     assert "not shown on a terminal this narrow: id" in out
+    words = "two real roots in place of an oscillation, or one merged with another"
+    session.table(["mode", "", "T [s]"], [["short period", words, "1 +- 2"]] * 2, (2,))
+    assert plain(capsys.readouterr().out).count("short period ") == 2, "a name stays whole"
     session.table(["mode", "id"], [], spare=(1,))
     assert plain(capsys.readouterr().out).split() == ["mode", "id"]
     session.say("  a long sentence about what was found " * 5)

@@ -55,6 +55,7 @@ def test_print_says_the_verdict_in_a_few_lines(results: list[Any]) -> None:
         assert len(result.report()) > 100 or not result.summary().rows
     assert "(6 flights)" in str(results[5]).splitlines()[0]
     assert "on 2 flights not used: error of CZ" in str(results[5])
+    assert str(results[7]).startswith("candidate: no manoeuvre of 2 flights could be judged\n")
 
 
 def test_an_update_is_that_of_the_command(
