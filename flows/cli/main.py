@@ -209,10 +209,10 @@ def _unexpected(error: Exception) -> int:
     if callable(show):
         show()
         command = getattr(getattr(error, "ctx", None), "command", None)
-        told = "" if hasattr(command, "commands") else getattr(command, "help", None) or ""
-        for part in told.split("\n\n"):
-            if part.lstrip().startswith("Example: "):
-                print(" ".join(part.split()), file=sys.stderr)
+        page = "" if hasattr(command, "commands") else getattr(command, "help", None) or ""
+        for part in page.split("\n\n"):
+            if (words := part.split())[:1] == ["Example:"]:
+                print(" ".join(words), file=sys.stderr)
         return int(getattr(error, "exit_code", USAGE))
     if isinstance(error, OverflowError) and not _tells_time():
         what = "its clock is after the year 2262, where Python's time ends"
