@@ -135,7 +135,8 @@ def inputs_document(
         for name in ("area", "span", "chord")
     ]
     return {
-        "inputs": list(database.inputs),
+        # A state with a rate goes along a flight by itself.
+        "inputs": [name for name in database.inputs if name not in database.rates],
         "flights": len(pairs),
         "lacking": list(lacking),
         "required": required,

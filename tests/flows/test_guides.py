@@ -33,6 +33,7 @@ GUIDES = (
     "from-csv-or-mat",
     "parts",
     "multicopter",
+    "helicopter",
     "build-up",
     "without-a-tunnel",
 )

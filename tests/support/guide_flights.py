@@ -370,6 +370,15 @@ def prepare(guide: str, folder: Path) -> None:
         for column in range(4):
             write_px4(folder / f"flight-{column + 1}.ulg", sound, column)
         write_px4(folder / "flight-5.ulg", fly_quadrotor([65], 30.0, strength=weak))
+    if (
+        "<!-- flights of a helicopter: 4 at 60 kt by cruise.toml, 2 in hover by rotor.toml -->"
+        in guide
+    ):
+        from tests.support.helicopter_derivatives import fly as fly_at_60_kt
+        from tests.support.helicopter_flight import fly as fly_hovers
+
+        fly_at_60_kt(folder, range(1, 5), 40.0)
+        fly_hovers(folder, range(1, 3), 20.0)
     rolls = " ".join(re.findall(r"<!-- rolls? of JSBSim: (.+?) -->", guide)).split()
     if rolls:
         height = 1.2 - MASSES["mass"] * 9.80665 / (3.0 * SPRING)

@@ -6,7 +6,7 @@ that of Pitt and Peters with the terms (1/Omega) L^-1 [0, Kp (p - bs'), Kq (q - 
 integrated at once (columns).
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Final
 
@@ -14,7 +14,9 @@ import numpy as np
 
 from aerodb.support import Array
 from tests.support.helicopter import (
+    AREA,
     BLADES,
+    FIN_LIMIT,
     FLAP,
     FREQUENCY,
     FUSELAGE,
@@ -26,14 +28,17 @@ from tests.support.helicopter import (
     RHO,
     SLOPE,
     SOLIDITY,
+    SPAN,
     SPRING,
     TAIL,
     TAIL_ARM,
     TAIL_HEIGHT,
     TWIST,
+    WEATHERCOCK,
 )
 
 GRAVITY, STEP, EVERY = 9.80665, 0.0025, 4
+CONTROLS: Final = ("collective", "lateral", "longitudinal", "pedal")
 CHORD: Final = SOLIDITY * np.pi * RADIUS / BLADES
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(10)
 RADII: Final = 0.5 * (_NODES + 1.0)[:, None, None]
@@ -52,13 +57,28 @@ CRUISE: Final = np.array([0.242, 0.011, -0.056, 0.040])
 HOVER_ATTITUDE, CRUISE_ATTITUDE = np.array([-0.052, 0.0]), np.array([-0.021, -0.050])
 
 
-def _turn(euler: Array) -> Array:
+def turned(euler: Array) -> Array:
+    """The turn (3, 3, k) from body to earth axes of Euler angles (3, k) [rad]."""
     (cr, cp, cy), (sr, sp, sy) = np.cos(euler), np.sin(euler)
     return np.array([
         [cp * cy, sr * sp * cy - cr * sy, cr * sp * cy + sr * sy],
         [cp * sy, sr * sp * sy + cr * cy, cr * sp * sy - sr * cy],
         [-sp, sr * cp, cr * cp],
     ])  # fmt: skip
+
+
+def motion(state: Array, turn: Array, force: Array, moment: Array) -> Array:
+    """Rates (9, k) of velocity over the earth, Euler angles and body rates, under loads (3, k) [N, N m] in
+    body axes at the CG. turn : from body to earth axes."""
+    (phi, theta, _), (p, q, r) = state[3:6], state[6:9]
+    made = np.empty((9, state.shape[1]))
+    made[0:3] = np.einsum("ij...,j...->i...", turn, force / MASS)
+    made[2] += GRAVITY
+    yaw = (q * np.sin(phi) + r * np.cos(phi)) / np.cos(theta)
+    made[3:6] = p + yaw * np.sin(theta), q * np.cos(phi) - r * np.sin(phi), yaw
+    spin = state[6:9]
+    made[6:9] = INVERSE @ (moment - np.cross(spin, TENSOR @ spin, axis=0))
+    return made
 
 
 def _derivative(
@@ -74,7 +94,7 @@ def _derivative(
     angles, rates, flap angles and speeds of four blades [rad, rad/s], inflow."""
     velocity, euler, (p, q, r) = state[0:3], state[3:6], state[6:9]
     flap, speed, (l0, ls, lc) = state[9:13], state[13:17] / OMEGA, state[17:20]
-    turn = _turn(euler)
+    turn = turned(euler)
     u, v, w = np.einsum("ji...,j...->i...", turn, velocity - air)
     tip = OMEGA * RADIUS
     psi = (azimuth + np.arange(4) * np.pi / 2)[:, None]
@@ -99,20 +119,16 @@ def _derivative(
     side = TAIL * pedal
     drag = [0.5 * RHO * area * x * np.abs(x) for area, x in zip(FUSELAGE, (u, v, w), strict=True)]
     body = np.array([thrust * bc - drag[0], -thrust * bs + side - drag[1], -thrust - drag[2]])
+    beta = np.clip(np.arctan2(v, np.hypot(u, w)), -FIN_LIMIT, FIN_LIMIT)
+    fin = 0.5 * RHO * (u**2 + v**2 + w**2) * AREA * SPAN * np.where(beta < 0.0, *WEATHERCOCK) * beta
     about = np.array([
         -SPRING * (flap * sin).sum(axis=0) - HEIGHT * thrust * bs + TAIL_HEIGHT * side,
         -SPRING * (flap * cos).sum(axis=0) - HEIGHT * thrust * bc,
-        -TAIL_ARM * side + thrust * RADIUS * (l0 + 0.01) - 3000.0 * r,
+        -TAIL_ARM * side + thrust * RADIUS * (l0 + 0.01) - 3000.0 * r + fin,
     ])  # fmt: skip
-    spin = np.array([p, q, r])
-    turning = INVERSE @ (about - np.cross(spin, TENSOR @ spin, axis=0))
     made = np.empty_like(state)
-    made[0:3] = np.einsum("ij...,j...->i...", turn, body / MASS)
-    made[2] += GRAVITY
-    phi, theta = euler[0], euler[1]
-    yaw = (q * np.sin(phi) + r * np.cos(phi)) / np.cos(theta)
-    made[3:6] = p + yaw * np.sin(theta), q * np.cos(phi) - r * np.sin(phi), yaw
-    made[6:9] = turning
+    made[:9] = motion(state, turn, body, about)
+    turning = made[6:9]
     made[9:13] = state[13:17]
     made[13:17] = (
         -FREQUENCY * OMEGA**2 * flap + 2.0 * OMEGA * (p * cos - q * sin)
@@ -172,7 +188,7 @@ def fly(
     for number in range(steps):
         now = number * STEP
         dither = size * np.sin(omega * now + phase).sum(axis=1).T * min(1.0, now / 2.0)
-        turn = _turn(state[3:6])
+        turn = turned(state[3:6])
         u, v, w = np.einsum("ji...,j...->i...", turn, state[0:3])
         phi, theta, psi = state[3:6]
         pitch, roll = (
@@ -196,25 +212,33 @@ def fly(
             rows.append((before, 0.5 * (held_before + controls), pull))  # a staircase at its step
         air = decay * air + gusts * np.sqrt(1 - decay**2) * blow[:, number].T
     states, deflections, force = (np.array([row[j] for row in rows]) for j in range(3))
-    return [_written(folder, seed, states[..., j], deflections[..., j], force[..., j])
-            for j, seed in enumerate(seeds)]  # fmt: skip
+    return [
+        write_log(folder / f"hover-{seed}.csv", seed, STEP * EVERY, states[..., j],
+                  deflections[..., j], force[..., j])
+        for j, seed in enumerate(seeds)
+    ]  # fmt: skip
 
 
-def _written(folder: Path, seed: int, states: Array, controls: Array, force: Array) -> Path:
+def write_log(
+    path: Path, seed: int, interval: float, states: Array, controls: Array, force: Array,
+    air: Mapping[str, Array] | None = None,
+) -> Path:  # fmt: skip
+    """Write what a flight logs every `interval` s, with noise: states (n, 9), controls (n, 4) [rad], specific
+    force (n, 3). air : further columns, as they are."""
     rng = np.random.default_rng([5, seed])
     n = len(states)
     noise = np.repeat([VELOCITY, ATTITUDE, GYRO], 3) * rng.standard_normal((n, 9))
     logged = states[:, :9] + noise
     of = {
-        "time [s]": np.arange(n) * STEP * EVERY,
+        "time [s]": np.arange(n) * interval,
         **{f"velocity_{x} [m/s]": logged[:, j] for j, x in enumerate(("north", "east", "down"))},
         **{f"{x} [rad]": logged[:, 3 + j] for j, x in enumerate(("phi", "theta", "psi"))},
         **{f"{x} [rad/s]": logged[:, 6 + j] for j, x in enumerate("pqr")},
         **{f"a{x} [m/s^2]": force[:, j] + ACCELEROMETER * rng.standard_normal(n) for j, x in enumerate("xyz")},
         "rho [kg/m^3]": np.full(n, RHO),
-        "altitude [m]": 100.0 - np.cumsum(states[:, 2]) * STEP * EVERY,
-        **{f"delta_{x} [rad]": controls[:, j] for j, x in enumerate(("collective", "lateral", "longitudinal", "pedal"))},
+        "altitude [m]": 100.0 - np.cumsum(states[:, 2]) * interval,
+        **{f"delta_{x} [rad]": controls[:, j] for j, x in enumerate(CONTROLS)},
+        **(air or {}),
     }  # fmt: skip
-    path = folder / f"hover-{seed}.csv"
     np.savetxt(path, np.column_stack([*of.values()]), "%.9g", ",", header=",".join(of), comments="")
     return path
