@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 33,
     "consistency": 29,
     "coefficients": 5,
-    "compare": 22,
+    "compare": 23,
     "import": 3,
     "fly": 8,
     "estimate": 27,

@@ -28,7 +28,9 @@ RUNTIME = ROOT / "flows" / "deploy" / "runtime.txt"
 
 def test_what_is_installed_has_the_pinned_version_and_hashes() -> None:
     assert _pins(HASHED) == PINNED
-    tools = (ROOT / "flows" / "deploy" / f"{kind}.txt" for kind in ("release-tools", "docs-tools", "uv"))
+    tools = (
+        ROOT / "flows" / "deploy" / f"{kind}.txt" for kind in ("release-tools", "docs-tools", "uv")
+    )
     for path in (HASHED, RUNTIME, *tools):
         for package in _packages(path):
             assert _PIN.match(package), package[:40]

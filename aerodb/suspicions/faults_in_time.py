@@ -188,7 +188,7 @@ def _is_steep(flight: Flight, angle: str, good: NDArray[np.bool_]) -> bool:
 def _axis(rest: Array, basis: Array, whole: Array) -> Axis:
     left = rest - basis @ (basis.T @ rest)
     independent = len(rest) / samples_per_independent(left)
-    axis = Axis(left, basis, whole, independent)
+    axis = Axis(rest, left, basis, whole, independent)
     return replace(axis, whole=axis.explained(whole))
 
 
@@ -264,6 +264,7 @@ def _large(
         fault
         for fault in faults
         if fault.is_large(fault is likeliest, alone, fault.is_likelier(axes, most))
+        and fault.is_borne_out(axes)
     ]
 
 

@@ -81,10 +81,11 @@ _EXPLAINED: Final = {
 
 @dataclass(frozen=True, eq=False)
 class Axis:
-    """One axis: what the database and motion leave of it (m,); orthonormal columns (m, k) of the
-    motion; what they explain of the database's coefficient (m,); how many samples are
-    independent."""
+    """One axis: what the database leaves of it (m,), and what motion leaves of that (m,);
+    orthonormal columns (m, k) of the motion; what they explain of the database's coefficient (m,);
+    how many samples are independent."""
 
+    rest: Array
     left: Array
     basis: Array
     whole: Array
@@ -168,6 +169,15 @@ class Fault:
             return False
         sign = {"play": -1.0, "fast": 1.0}.get(self.what, 0.0)
         return sign * self.size >= 0.0 and (is_surface(self.channel) or self.what != "delay")
+
+    def is_borne_out(self, axes: Mapping[str, Axis]) -> bool:
+        """Whether it lowers what the database leaves, as it is. One that raises it would need errors
+        of the database that hide it, and fits only what little motion does not explain."""
+        change = 0.0
+        for axis in self.axes:
+            rest, fault = axes[axis].rest, self.size * self.columns[axis]
+            change += float(np.var(rest - fault) / np.var(rest)) - 1.0
+        return change < 0.0
 
     def is_likelier(self, axes: Mapping[str, Axis], most: Mapping[str, float]) -> bool:
         """Whether it is likelier than what a database may lack, of the likeliest kind on each axis
