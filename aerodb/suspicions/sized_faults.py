@@ -171,7 +171,7 @@ class Fault:
         return sign * self.size >= 0.0 and (is_surface(self.channel) or self.what != "delay")
 
     def is_borne_out(self, axes: Mapping[str, Axis]) -> bool:
-        """Whether it lowers what the database leaves, as it is. One that raises it would need errors
+        """Whether it lowers what the database leaves as it is. One that raises it would need errors
         of the database that hide it, and fits only what little motion does not explain."""
         change = 0.0
         for axis in self.axes:
