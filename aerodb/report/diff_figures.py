@@ -41,6 +41,8 @@ _ROW: Final = 2.2
 _COLUMNS: Final = 2
 #: Least width [in] of a panel, with its labels.
 _LEAST: Final = 3.3
+#: Room [in] above the title.
+_ABOVE_TITLE: Final = 0.15
 #: A smaller change of a coefficient is rounding.
 _SAME: Final = 1e-12
 
@@ -152,7 +154,7 @@ def _figure(
         between=(0.8, 0.85),
     )
     if title:
-        figure.suptitle(title)
+        figure.suptitle(title, y=1.0 - _ABOVE_TITLE / figure.get_figheight())
     spaces = grid.ravel()
     for space in spaces[len(panels) :]:
         space.set_axis_off()

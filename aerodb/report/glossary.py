@@ -172,8 +172,13 @@ def with_true_signs(sentence: str) -> str:
     'CZ_alpha −2.24 → −2.48 ± 0.02 1/rad'
     >>> with_true_signs("Kirchhoff(sharpness=199.87222782921273, lag=29.06042250254287)")
     'Kirchhoff(sharpness=200, lag=29.1)'
+    >>> with_true_signs("error of Cm 0.00166 -> 0.0000901")
+    'error of Cm 0.00166 → 0.0000901'
     """
-    sentence = _LONG.sub(lambda found: f"{float(found[0]):.3g}", sentence)
+    sentence = _LONG.sub(
+        lambda found: found[0] if len(found[0].lstrip("0.")) <= 3 else f"{float(found[0]):.3g}",
+        sentence,
+    )
     raised = _POWER.sub(lambda found: f"{found[1]}{power_of_ten(int(found[2]))}", sentence)
     return _MINUS.sub("−", raised.replace("+-", "±").replace("->", "→"))
 

@@ -157,7 +157,12 @@ def session(
 ) -> None:
     """Keep the options that all commands share."""
     root = workspace or Path(os.environ.get("AERODB_WORKSPACE") or "aerodb-workspace")
-    context.obj = Session(root, json, debug, units or os.environ.get(UNITS_VARIABLE, ""))
+    chosen = units or os.environ.get(UNITS_VARIABLE, "")
+    if chosen:
+        from aerodb.units import UnitSystem
+
+        UnitSystem(chosen)  # a command that prints no quantity refuses a wrong name, too
+    context.obj = Session(root, json, debug, chosen)
 
 
 def main() -> None:

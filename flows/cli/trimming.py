@@ -336,7 +336,7 @@ def sweep(
             else [f"{factor * point['value']:.6g}", "no trim", *[""] * len(inputs + names)]
             for point in points
         ],
-        numbers=tuple(range(2 + len(inputs))),
+        numbers=tuple(range(2 + len(inputs) + len(names))),
     )
     for point in points:
         if "reason" in point:

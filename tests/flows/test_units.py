@@ -139,9 +139,10 @@ def test_the_report_that_a_command_writes_is_in_the_units_asked_for(
 
 
 def test_an_unknown_system_of_units_says_which_there_are(workspace: Path) -> None:
-    done = aerodb(workspace, "version", "trim", "released", *STEADY, "--units", "furlongs")
-    assert done.returncode == 3
-    assert "choose one of: si, aero, imperial" in done.stderr
+    for command in (("version", "trim", "released", *STEADY), ("flight", "list")):
+        done = aerodb(workspace, *command, "--units", "furlongs")
+        assert (done.returncode, done.stdout) == (3, "")
+        assert "choose one of: si, aero, imperial" in done.stderr
 
 
 def test_an_angle_without_a_unit_is_questioned(workspace: Path) -> None:

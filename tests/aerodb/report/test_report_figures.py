@@ -29,7 +29,15 @@ from aerodb.report.flight_figures import (
 )
 from aerodb.report.labels import in_figure, visible
 from aerodb.report.lineage_figure import HEIGHT, WIDTH, Relative, lineage_graph
-from aerodb.report.style import DATABASE, FLIGHT, MEASURED, UPDATED, Picture
+from aerodb.report.style import (
+    DATABASE,
+    FLIGHT,
+    MEASURED,
+    PAGE_WIDTH,
+    PHONE_WIDTH,
+    UPDATED,
+    Picture,
+)
 from aerodb.report.update_figures import (
     error_figure,
     forest_figure,
@@ -288,6 +296,11 @@ def test_slices_show_every_axis_that_changes_and_look_closely() -> None:
         if isinstance(patch, Rectangle) and 0 < patch.get_height() <= 0.15
     ]
     assert np.deg2rad(bars[0].get_x()) < 0.1
+    for width in (PAGE_WIDTH, PHONE_WIDTH):
+        titled = diff_figure(before, after, ("v0001", "v0002"), "both versions", width=width)
+        titled.canvas.draw()
+        above = titled.bbox.y1 - titled._suptitle.get_window_extent().y1
+        assert 0.0 < above / titled.dpi < 0.3, "the title stands above what stands above a panel"
 
 
 def test_a_share_is_sliced_from_none_to_all() -> None:
