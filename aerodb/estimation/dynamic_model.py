@@ -1,6 +1,7 @@
 """What the methods that integrate a model ask of it."""
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Protocol
 
 from aerodb.estimation.parameters import Parameters
@@ -42,3 +43,38 @@ class DynamicModel(Protocol):
 
     def simulated(self, values: Values, record: TimeHistory) -> Array:
         """Outputs (n, o, k), in SI units, from the initial state on; NaN after a divergence."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelAround:
+    """A model with the motion of another (`model`) and parameters of its own; its methods have the
+    shapes and units of `DynamicModel`."""
+
+    model: DynamicModel
+    parameters: Parameters
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """See `DynamicModel.states`."""
+        return self.model.states
+
+    @property
+    def outputs(self) -> tuple[str, ...]:
+        """See `DynamicModel.outputs`."""
+        return self.model.outputs
+
+    def initial_state(self, values: Values, record: TimeHistory) -> Array:
+        """See `DynamicModel.initial_state`."""
+        return self.model.initial_state(values, record)
+
+    def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
+        """See `DynamicModel.rates`."""
+        return self.model.rates(values, record, sample, state)
+
+    def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
+        """See `DynamicModel.observed`."""
+        return self.model.observed(values, record, sample, state)
+
+    def simulated(self, values: Values, record: TimeHistory) -> Array:
+        """See `DynamicModel.simulated`."""
+        return self.model.simulated(values, record)

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
-from aerodb.estimation.dynamic_model import DynamicModel, Values
+from aerodb.estimation.dynamic_model import DynamicModel, ModelAround, Values
 from aerodb.estimation.fit import Fit, ParameterEstimate
 from aerodb.estimation.linear_models import (
     FROM_SUBSPACE,
@@ -52,7 +52,7 @@ Transforms = NDArray[np.complex128]
 
 
 @dataclass(frozen=True, eq=False)
-class _InBand:
+class _InBand(ModelAround):
     """A linear model whose outputs are transforms: n rows for n samples, in pairs of real and
     imaginary part of one harmonic after the other, from the mean on.
 
@@ -63,23 +63,6 @@ class _InBand:
     model: LinearModel
     parameters: Parameters
     band: Mapping[str, Integers]
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        return self.model.states
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        return self.model.outputs
-
-    def initial_state(self, values: Values, record: TimeHistory) -> Array:
-        return self.model.initial_state(values, record)
-
-    def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
-        return self.model.rates(values, record, sample, state)
-
-    def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
-        return self.model.observed(values, record, sample, state)
 
     def simulated(self, values: Values, record: TimeHistory) -> Array:
         """Rows (n, o, k), in SI units; 0 beside the band, NaN for a model that is not finite."""

@@ -10,7 +10,7 @@ from typing import Protocol
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.estimation.dynamic_model import DynamicModel, Values
+from aerodb.estimation.dynamic_model import DynamicModel, ModelAround, Values
 from aerodb.estimation.fit import Fit
 from aerodb.estimation.output_error.gauss_newton import search
 from aerodb.estimation.output_error.likelihood import Covariance
@@ -30,7 +30,7 @@ class Propagated(DynamicModel, Protocol):
 
 
 @dataclass(frozen=True, eq=False)
-class _Segmented:
+class _Segmented(ModelAround):
     """A model whose records are cut at samples; the states there are parameters.
 
     model : whose parameters come first. cuts : record -> first samples of its segments, and the
@@ -41,26 +41,6 @@ class _Segmented:
     parameters: Parameters
     cuts: dict[str, tuple[int, ...]]
     continuous: bool
-
-    @property
-    def states(self) -> tuple[str, ...]:
-        return self.model.states
-
-    @property
-    def outputs(self) -> tuple[str, ...]:
-        return self.model.outputs
-
-    def initial_state(self, values: Values, record: TimeHistory) -> Array:
-        return self.model.initial_state(values, record)
-
-    def rates(self, values: Values, record: TimeHistory, sample: float, state: Array) -> Array:
-        return self.model.rates(values, record, sample, state)
-
-    def observed(self, values: Values, record: TimeHistory, sample: int, state: Array) -> Array:
-        return self.model.observed(values, record, sample, state)
-
-    def simulated(self, values: Values, record: TimeHistory) -> Array:
-        return self.model.simulated(values, record)
 
     def responded(
         self, parameters: Parameters, vector: Array, record: TimeHistory, steps: Array
