@@ -15,7 +15,7 @@ Lamb, Hydrodynamics (1932), article 334a; Burnham & Hallock, FAA-RD-79-103 (1982
 2002-4484, for the pair identified in flight.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final, Literal, get_args
 
 import numpy as np
@@ -61,6 +61,19 @@ class VortexPair:
         """Return the least distance [m] of points (3, n) [m] from either vortex."""
         y, z = self.across(points)
         return float(np.hypot(np.abs(y) - 0.5 * self.spacing, z).min())
+
+    def along(self, track: float) -> "VortexPair":
+        """Return the pair in axes [m] of which the first points along a track [rad from north].
+
+        >>> pair = VortexPair(200.0, 1.0, 30.0, (0.0, 50.0, 900.0), np.pi / 2)
+        >>> turned = pair.along(np.pi / 2)
+        >>> tuple(round(value, 9) for value in (*turned.place, turned.heading))
+        (50.0, 0.0, 900.0, 0.0)
+        """
+        (north, east, up), cos, sin = self.place, float(np.cos(track)), float(np.sin(track))
+        heading = float(np.angle(np.exp(1j * (self.heading - track))))
+        place = (cos * north + sin * east, cos * east - sin * north, up)
+        return replace(self, place=place, heading=heading)
 
     def velocity(self, points: Array) -> Array:
         """Return the velocity of the air (3, n) [m/s] north, east, down at points (3, n): north,

@@ -129,13 +129,10 @@ def keep_wake(flight: str, *, workspace: str, run: str, wake: Mapping[str, Any])
 
 def _along_track(wake: Mapping[str, Any]) -> VortexPair:
     """The pair [SI] in axes that are turned to the track at the begin of its encounter."""
-    north, east, up = wake["place"]
-    cos, sin = np.cos(wake["track"]), np.sin(wake["track"])
     value = {name: float(wake[name]["value"]) for name in (*_SIZES, "heading", "slope")}
-    heading = float(np.angle(np.exp(1j * (value.pop("heading") - wake["track"]))))
-    place = (float(cos * north + sin * east), float(cos * east - sin * north), float(up))
+    north, east, up = wake["place"]
     core = wake["core"] or CORES[-1]
-    return VortexPair(**value, heading=heading, place=place, core=core)
+    return VortexPair(**value, place=(north, east, up), core=core).along(wake["track"])
 
 
 def _encounter(
