@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
-    from .autopilot import hover_sentence, wingless_sentence
+    from .autopilot import LoggedAircraft, hover_sentence, wingless_sentence
     from .autopilots import hover_times, read_autopilot
     from .columns import TIME, find_columns, with_named_clock
     from .completeness import (

@@ -172,12 +172,15 @@ def _share(topic: Topic, rotor: FoundRotor, grid: Array) -> Array:
     return np.clip(values[good][np.maximum(held, 0)], 0.0, 1.0)
 
 
-def draft_rotorcraft(name: str, recording: Recording, autopilot: LoggedAircraft) -> tuple[str, str]:
+def draft_rotorcraft(
+    name: str, recording: Recording, autopilot: LoggedAircraft, battery: str = ""
+) -> tuple[str, str]:
     """Return the text of a vehicle file and of a database for what the rotors of a log carry.
 
     Names that start with `rotor_`, `pusher_`, `frame_` and `wing_`, and those of controls, are
     parameters; lengths [m], loads [N, N m] over the mass that the vehicle file states. autopilot :
-    with rotors whose commands or speeds are logged.
+    with rotors whose commands or speeds are logged. battery : factor of all speeds, a formula of
+    `battery_voltage` [V]; empty for none.
     """
     found = autopilot.rotors
     places = np.array([rotor.position for rotor in found.lifting])
@@ -187,7 +190,7 @@ def draft_rotorcraft(name: str, recording: Recording, autopilot: LoggedAircraft)
     learnt = learnt_inertia(recording, found)
     return (
         _vehicle(name, autopilot, span, pressure, learnt),
-        _database(name, autopilot, span, pressure),
+        _database(name, autopilot, span, pressure, battery),
     )
 
 
@@ -244,14 +247,22 @@ def _vehicle(
 _DATABASE: Final = """\
 # Each parameter holds what flights do not tell apart from it. With a mass of 1 kg all are per kg.
 # D is the diameter of a rotor{speed}.
-name = "{name}"
+{battery}name = "{name}"
 {reference}moment_reference = [0.0, 0.0, 0.0]
 
 [parameters]
 """
 
+#: What the log tells of the battery.
+_BATTERY: Final = (
+    "# This log tells that speeds go with the voltage of the battery: {factor}.\n"
+    "# State a voltage where it flies without a log: --set battery_voltage=VOLTS.\n"
+)
 
-def _database(name: str, autopilot: LoggedAircraft, span: float, pressure: float) -> str:
+
+def _database(
+    name: str, autopilot: LoggedAircraft, span: float, pressure: float, battery: str
+) -> str:
     found = autopilot.rotors
     speeds = all(rotor.fastest for rotor in found.rotors)
     once, twice = ("", "") if speeds else (" n_max", " n_max^2")
@@ -263,6 +274,7 @@ def _database(name: str, autopilot: LoggedAircraft, span: float, pressure: float
         name=name,
         reference=_reference(span, pressure),
         speed="" if speeds else ", n_max its speed at full command in rev/s",
+        battery=_BATTERY.format(factor=battery) if battery else "",
     )
     for key, value, what in (
         *(
@@ -289,7 +301,7 @@ def _database(name: str, autopilot: LoggedAircraft, span: float, pressure: float
         )
     if not found.placed:
         text += f"\n# Places and turning are those of a {found.frame}: measure them.\n"
-    return text + "\n" + "".join(_part(rotor, found) for rotor in found.rotors) + _FRAME + parts
+    return text + "\n" + "".join(_part(r, found, battery) for r in found.rotors) + _FRAME + parts
 
 
 def _parameter(name: str, value: float, what: str, most: float = _ROTOR_MOST) -> str:
@@ -322,7 +334,7 @@ def _wing(autopilot: LoggedAircraft, span: float) -> tuple[str, str]:
     return text, _SECTION + (parts if moved else "")
 
 
-def _part(rotor: FoundRotor, found: FoundRotors) -> str:
+def _part(rotor: FoundRotor, found: FoundRotors, battery: str) -> str:
     command = f"command_{rotor.name}"
     if found.thrust_factor > 0.0 and rotor.topic == "actuator_motors":
         f = found.thrust_factor
@@ -330,6 +342,8 @@ def _part(rotor: FoundRotor, found: FoundRotors) -> str:
         command = f"sqrt({a * a:g} + {command}/{f:g}) - {a:g}"
     kind, strength = ("rotor", f"strength_{rotor.name}*") if rotor.lifts else ("pusher", "")
     speed = f"{rotor.fastest:g}*{command}" if rotor.fastest else command
+    if battery:
+        speed = f"({speed})*{battery}"
     x, y, z = rotor.position
     axis = "" if rotor.axis == (0.0, 0.0, -1.0) else f"axis = {list(rotor.axis)}\n"
     return (

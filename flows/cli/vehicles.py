@@ -55,6 +55,8 @@ def init(
         session.say(f"{filled['airframe']}: {filled['rotors']} rotors{also}")
         for each in filled["beyond"]:
             session.say(f"WARNING: {each}")
+        if filled["battery"]:
+            session.say(f"the battery takes thrust: speeds are multiplied by {filled['battery']}")
     elif filled:
         session.say(f"{filled['airframe'] or 'airframe unknown'}: {', '.join(filled['surfaces'])}")
     session.say(f"wrote {path}; fill it in, then: aerodb vehicle add {path}")
@@ -66,8 +68,9 @@ def init(
 def _from_log(session: Session, name: str, source: Path) -> tuple[str, str, dict[str, Any]]:
     """The text of a vehicle file from a log, that of a database of its rotors ('' for one with
     wings), and what was found in it."""
-    from aerodb.logs import draft_rotorcraft, draft_vehicle, read_autopilot, wingless_sentence
+    from aerodb.logs import draft_vehicle, read_autopilot, wingless_sentence
     from aerodb.storage.workspace_settings import load_settings
+    from aerodb.tasks.steps import drafted_rotorcraft
     from aerodb.tasks.workers import parsed_log
 
     if not source.is_file():
@@ -98,13 +101,14 @@ def _from_log(session: Session, name: str, source: Path) -> tuple[str, str, dict
         }
         if not autopilot.rotors.logged:
             return draft_vehicle(name, parsed.recording, autopilot), "", filled
-        vehicle, database = draft_rotorcraft(name, parsed.recording, autopilot)
+        vehicle, database, battery = drafted_rotorcraft(name, parsed.recording, autopilot)
         beyond = [
             f"{each.reached}: correct [rotors.{each.name}] range in {name}.toml"
             for each in autopilot.rotors.beyond
         ]
         count = len(autopilot.rotors.rotors)
-        return vehicle, database, {**filled, "rotors": count, "beyond": beyond}
+        found = {"rotors": count, "beyond": beyond, "battery": battery}
+        return vehicle, database, {**filled, **found}
 
 
 @app.command()

@@ -75,6 +75,7 @@ if TYPE_CHECKING:
     from .release import judge_version, promote, roll_back, with_gate
     from .report import flight_page, lineage_of, update_page, version_page, write_update_page
     from .rolls import close_loop_on_rolls, plan_rolls, rolls_alone, update_from_rolls, with_rolls
+    from .rotor_drafts import drafted_rotorcraft
     from .runs import mark_ended
     from .store import trim_cache
     from .tabulate import tabulate_version
