@@ -90,8 +90,10 @@ def sensor_rivals(
         return _seen(before, source.view(flight, candidate, bandwidth))
 
     change = _Change([seen(flight) for flight in flights])
-    sensors = (each for each in library.hypotheses if each.kind == "sensor")
+    sensors = [each for each in library.hypotheses if each.kind == "sensor"]
     found = [each for sensor in sensors if (each := _explains(change, sensor)) is not None]
+    zeros = [each for each in sensors if each.effect == "surface_bias" and each.known_by]
+    found = [each for each in found if not any(_is_beyond(change, each, zero) for zero in zeros)]
     return tuple(
         SensorRival(
             each.hypothesis.id,
@@ -313,6 +315,24 @@ def _explains(change: _Change, hypothesis: Hypothesis) -> _Explains | None:
     error = shown.error if np.isfinite(shown.error) else abs(size)
     half = float(stdtrit(shown.freedom, 1.0 - 0.025)) * error
     return _Explains(hypothesis, columns, size if whole else shown.size, half)
+
+
+def _is_beyond(change: _Change, found: _Explains, zero: Hypothesis) -> bool:
+    """Whether an error of a surface is one of its zero along these flights, which are as far on one
+    side of it, and a larger one than was measured."""
+    if found.hypothesis.subject != zero.subject or found.hypothesis is zero:
+        return False
+    columns = _columns(change, zero, 0.0)
+    if columns is None:
+        return False
+    own = cross = square = 0.0
+    for axis in change.axes:
+        for column, other in zip(found.columns, columns, strict=True):
+            if axis in column and axis in other:
+                c, z = column[axis] / change.floors[axis], other[axis] / change.floors[axis]
+                own, cross, square = own + float(c @ c), cross + float(c @ z), square + float(z @ z)
+    alike = cross * cross > _EXPLAINS * own * square
+    return bool(alike and not _believable(zero, found.size * cross / square))
 
 
 def _columns(

@@ -16,6 +16,7 @@ from aerodb.increments import (
 from aerodb.loop import SensorRival, freeze_library, sensor_rivals
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
+from aerodb.vehicle import Sensor
 from tests.aerodb.loop.test_axis_models import database, flights
 from tests.support.flights_in_memory import FlightsInMemory, noisy_flights
 
@@ -133,6 +134,43 @@ def test_an_axis_whose_channels_are_noise_excludes_no_rival(
     (found,) = rivals(FlightsInMemory(moved, wrong), database(1.0), text)
     assert found.hypothesis == "cg_offset@all:x"
     assert found.value == pytest.approx(-off, rel=0.02)
+
+
+@pytest.mark.parametrize("stated", [False, True])
+def test_a_dead_zone_on_one_side_is_a_zero_of_its_surface(
+    source: FlightsInMemory, stated: bool
+) -> None:
+    """The elevator is logged far on one side, and Cm lacks a constant of 1.2 deg of it. Where the
+    vehicle file states its zero to .1 deg, no dead zone makes that constant."""
+    away, lacking = 0.4, float(np.deg2rad(1.2))
+    whole = database(1.0)
+    here = {name: np.zeros(1) for name in whole.inputs} | {"V": np.array([60.0])}
+    sides = [
+        whole.predict(here | {"delta_elevator": np.array([d])}).coefficients for d in (0, away)
+    ]
+    zeros = (
+        Term(f"zero_{axis}", axis, parse(repr(float(sides[0][axis][0] - sides[1][axis][0]))))
+        for axis in ("CX", "CZ", "Cm")
+    )
+    shifted = replace(whole, terms=(*whole.terms, *zeros))
+    slope = float(sides[1]["Cm"][0] - sides[0]["Cm"][0]) / away
+    baseline = replace(
+        shifted, terms=(*shifted.terms, Term("lacks", "Cm", parse(repr(lacking * slope))))
+    )
+    logged = {
+        id: (flight.with_channels({"delta_elevator": flight["delta_elevator"] + away}), made)
+        for id, (flight, made) in source.flown.items()
+    }
+    vehicle = source.vehicle
+    if stated:
+        known = Sensor(bias_prior=float(np.deg2rad(0.1)))
+        vehicle = vehicle.model_copy(
+            update={"sensors": {**vehicle.sensors, "delta_elevator": known}}
+        )
+    text = '[[increment]]\naxis = "Cm"\nterms = ["1"]\n'
+    found = {r.hypothesis for r in rivals(FlightsInMemory(vehicle, logged), baseline, text)}
+    assert ("surface_dead_zone@all:elevator" in found) == (not stated)
+    assert ("surface_bias@all:elevator" in found) == (not stated)
 
 
 def test_nothing_to_judge_passes() -> None:
