@@ -8,21 +8,26 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.errors import InputError
+from aerodb.parts import contact_points
 from aerodb.physics import DrydenGusts
 from aerodb.simulation.engine import initial_state
 from aerodb.simulation.flown_vehicle import FlownVehicle
+from aerodb.simulation.ground import standing
 from aerodb.simulation.layout import CHAN, FEEDBACK, LOADS, MOTION, SURROUNDINGS, H, X
 from aerodb.support import Array
 from aerodb.vehicle import Surface
 
 #: Samples of a control step that the engine is given: its start, middle and end.
 _SAMPLES: Final = 3
+#: What moves a free input.
+_FREE: Final = Surface(limits=(-np.inf, np.inf))
 #: Least height at which turbulence is evaluated [m].
 _LOWEST: Final = 3.0
 
 
 class Controller(Protocol):
-    """Surface commands [rad] from the channels at a control step, one (k,) array per surface."""
+    """Commands of surfaces [rad] and of free inputs from the channels at a control step, one (k,)
+    array each."""
 
     def __call__(self, time: float, channels: Mapping[str, Array]) -> Mapping[str, Array]: ...
 
@@ -35,9 +40,9 @@ class History:
     ----------
     time : (n,) [s]
     channels : name to (n, k)
-    commands : surface to (n, k) [rad], held over the step that begins at each time
+    commands : surface [rad] or free input to (n, k), held over the step that begins at each time
     quaternion : (n, 4, k), body to earth
-    samples : (k,), number of samples of each flight, including the first on the ground
+    samples : (k,), number of samples of each flight, including that with which it ends
     """
 
     time: Array
@@ -84,7 +89,7 @@ class _Steps:
     """The engine, a control step at a time."""
 
     def __init__(
-        self, flown: FlownVehicle, start: Mapping[str, Any], deflected: Mapping[str, Array],
+        self, flown: FlownVehicle, start: Mapping[str, Any], deflected: Array,
         wind: Array, ground: float, step: float,
     ) -> None:  # fmt: skip
         model, k = flown.model, wind.shape[1]
@@ -116,16 +121,16 @@ class _Steps:
         """Motion and loads (k,) at the end of the last step."""
         return dict(zip((*MOTION, *LOADS), self._recorded[self._last].copy(), strict=True))
 
-    def advance(self, gusts: Sequence[Array], deflected: Sequence[Mapping[str, Array]]) -> None:
-        """Go on by a step; gusts (3, k) and deflections at its start, middle and end."""
+    def advance(self, gusts: Sequence[Array], deflected: Sequence[Array]) -> None:
+        """Go on by a step; gusts (3, k) and the model's inputs (m, k) at its start, middle and
+        end."""
         for sample, (gust, deflection) in enumerate(zip(gusts, deflected, strict=True)):
             self._act(sample, gust, deflection)
         self._integrate(_SAMPLES)
 
-    def _act(self, sample: int, gust: Array, deflected: Mapping[str, Array]) -> None:
+    def _act(self, sample: int, gust: Array, deflected: Array) -> None:
         self._series[sample, H.gust_u : H.gust_w + 1] = gust
-        for number, name in enumerate(self._model.inputs):
-            self._series[sample, len(H) + number] = deflected[name]
+        self._series[sample, len(H) : len(H) + len(deflected)] = deflected
 
     def _integrate(self, samples: int) -> None:
         from aerodb.simulation.integration import integrate  # loads the compiler
@@ -151,56 +156,72 @@ def fly(
     ground_altitude: float = 0.0,
     touchdown_height: float = 0.0,
 ) -> History:
-    """Fly k flights until each is at the touchdown height or the duration is over.
+    """Fly k flights until each is on the ground or the duration is over.
 
-    A control step is two steps of the classical Runge-Kutta rule. Gusts vary linearly within a
-    control step, deflections between its start, middle and end.
+    A flight with legs rolls on them and ends as it stands still (`standing`); one without ends at
+    the touchdown height. A control step is two steps of the classical Runge-Kutta rule. Gusts vary
+    linearly within a control step, deflections between its start, middle and end.
 
     Parameters
     ----------
     flown : a vehicle without thrust
     start : as `simulate` takes it
-    deflections : surface to (k,), at the start [rad]
-    controller : gives the surface commands
+    deflections : surface [rad], or a free input of the database such as ``brake``, to (k,), at the
+        start. A free input has no limits and no lag.
+    controller : gives the commands of all of these
     step, duration : float, [s]
     wind : (3, k), velocity of the air north, east, down [m/s]
     gusts : turbulence, none by default
     ground_altitude : above sea level [m]
-    touchdown_height : float, of the CG above ground [m]
+    touchdown_height : float, of the CG above ground [m], for a vehicle without legs
 
-    Raises InputError for a vehicle with thrust, or whose database reads what no surface gives.
+    Raises InputError for a vehicle with thrust, or whose database reads what nothing gives.
     """
     vehicle, names = flown.vehicle, list(deflections)
     if vehicle.thrust.source != "none":
         raise InputError(
             "only gliding flight is simulated in closed loop", vehicle.name, "use no thrust"
         )
-    half, whole = (Actuators([vehicle.surfaces[n] for n in names], t) for t in (step / 2, step))
+    moved = [vehicle.surfaces.get(name, _FREE) for name in names]
+    half, whole = (Actuators(moved, t) for t in (step / 2, step))
     positions = np.array([deflections[n] for n in names])
 
-    def deflected(at: Array) -> dict[str, Array]:
-        by_name = dict(zip(names, at, strict=True))
-        given = {f"delta_{name}": value for name, value in by_name.items()}
-        for name, pair in vehicle.combinations.items():
-            sign = 1.0 if pair.kind == "symmetric" else -1.0
-            given[f"delta_{name}"] = 0.5 * (by_name[pair.right] + sign * by_name[pair.left])
-        return given
+    pairs = list(vehicle.combinations.values())
+    right, left = (
+        np.array([names.index(getattr(pair, side)) for pair in pairs], dtype=np.int64)
+        for side in ("right", "left")
+    )
+    signs = np.array([[1.0 if pair.kind == "symmetric" else -1.0] for pair in pairs])
+    given = [f"delta_{name}" if name in vehicle.surfaces else name for name in names]
+    given += [f"delta_{name}" for name in vehicle.combinations]
+    absent = [name for name in flown.model.inputs if name not in given]
+    if absent:
+        raise InputError(f"nothing gives {', '.join(absent)}", vehicle.name)
+    read = np.array([given.index(name) for name in flown.model.inputs], dtype=np.int64)
+
+    def deflected(at: Array) -> Array:
+        """Everything `given`, from the positions of what moves."""
+        if not pairs:
+            return at
+        return np.concatenate([at, 0.5 * (at[right] + signs * at[left])])
 
     now = deflected(positions)
-    absent = [name for name in flown.model.inputs if name not in now]
-    if absent:
-        raise InputError(f"no surface gives {', '.join(absent)}", vehicle.name)
-    steps = _Steps(flown, start, now, wind, ground_altitude, step)
+    steps = _Steps(flown, start, now[read], wind, ground_altitude, step)
+    cg = [flown.masses[f"cg_{axis}"] for axis in "xyz"]
+    legs = contact_points(flown.model.database) - cg
     gust = np.zeros_like(wind)
     active = np.ones(wind.shape[1], dtype=bool)
     samples = np.zeros(wind.shape[1], dtype=np.int64)
     rows: list[tuple[float, dict[str, Array], Mapping[str, Array], Array]] = []
     for number in range(round(duration / step) + 1):
-        channels = {**steps.channels(), **now}
+        channels = {**steps.channels(), **dict(zip(given, now, strict=True))}
         commands = controller(number * step, channels)
         rows.append((number * step, channels, commands, steps.state[X.e0 : X.e3 + 1].copy()))
         samples += active
-        active &= channels["height_above_ground"] > touchdown_height
+        if len(legs):
+            active &= ~standing(channels, legs)
+        else:
+            active &= channels["height_above_ground"] > touchdown_height
         if not active.any():
             break
         height = np.maximum(channels["height_above_ground"], _LOWEST)
@@ -208,7 +229,8 @@ def fly(
         commanded = np.array([commands[n] for n in names])
         middle, positions = half.moved(positions, commanded), whole.moved(positions, commanded)
         frozen, former, now = steps.state[:, ~active].copy(), now, deflected(positions)
-        steps.advance((gust, 0.5 * (gust + following), following), (former, deflected(middle), now))
+        inputs = (former[read], deflected(middle)[read], now[read])
+        steps.advance((gust, 0.5 * (gust + following), following), inputs)
         # A flight that has ended stands still, so that its numbers stay finite while the others
         # continue.
         steps.state[:, ~active] = frozen
@@ -222,10 +244,8 @@ def _history(
 ) -> History:
     return History(
         time=np.array([row[0] for row in rows]),
-        channels={name: np.stack([row[1][name] for row in rows]) for name in rows[0][1]},
-        commands={
-            name: np.stack([np.asarray(row[2][name]) for row in rows]) for name in rows[0][2]
-        },
-        quaternion=np.stack([row[3] for row in rows]),
+        channels={name: np.array([row[1][name] for row in rows]) for name in rows[0][1]},
+        commands={name: np.array([row[2][name] for row in rows]) for name in rows[0][2]},
+        quaternion=np.array([row[3] for row in rows]),
         samples=samples,
     )

@@ -1,10 +1,11 @@
 """On the ground: where legs begin to carry, and the standstill that ends a run."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from aerodb.errors import InputError
 from aerodb.parts import STANDING, contact_points
@@ -56,6 +57,32 @@ def vertical(rates: Array, phi: Array, theta: Array) -> Array:
     return np.asarray(level * np.cos(theta) - u * np.sin(theta))
 
 
+def touching(channels: Mapping[str, Array], points: Array) -> NDArray[np.bool_]:
+    """Return where (...) a leg touches the ground, from phi, theta [rad] and height_above_ground
+    [m], (...) each.
+
+    points : (m, 3) contact points [m], body axes from the centre of gravity.
+    """
+    phi, theta = channels["phi"], channels["theta"]
+    down = np.stack([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
+    below = np.tensordot(points, down, axes=1)
+    return np.asarray((below > channels["height_above_ground"]).any(axis=0))
+
+
+def forward(channels: Mapping[str, Array]) -> Array:
+    """Return the speed (...) [m/s] over the ground along the heading, from velocity_north,
+    velocity_east [m/s] and psi [rad]."""
+    north, east, psi = (channels[name] for name in ("velocity_north", "velocity_east", "psi"))
+    return np.asarray(north * np.cos(psi) + east * np.sin(psi))
+
+
+def standing(channels: Mapping[str, Array], points: Array) -> NDArray[np.bool_]:
+    """Return where (...) a vehicle stands on its legs: `touching`, and not faster than
+    `STANDING`."""
+    slow = forward(channels) <= STANDING
+    return slow & touching(channels, points) if slow.any() else slow
+
+
 def standstill(run: Simulation, database: AeroDatabase, cg: Sequence[float]) -> Standstill | None:
     """Return when the first of several runs stands still on its legs, after it was moving; None
     where it does not.
@@ -68,24 +95,17 @@ def standstill(run: Simulation, database: AeroDatabase, cg: Sequence[float]) -> 
     points = contact_points(database) - np.asarray(cg)
     if not len(points):
         return None
-    phi, theta, psi, height, north, east, x, y = (
-        run.channels[name][: run.ended[0], 0]
-        for name in (
-            "phi", "theta", "psi", "height_above_ground", "velocity_north", "velocity_east",
-            "north", "east",
-        )
-    )  # fmt: skip
-    down = np.array([-np.sin(theta), np.cos(theta) * np.sin(phi), np.cos(theta) * np.cos(phi)])
-    touching = (points @ down > height).any(axis=0)
-    speed = north * np.cos(psi) + east * np.sin(psi)
+    channels = {name: values[: run.ended[0], 0] for name, values in run.channels.items()}
+    speed = forward(channels)
     moved = np.maximum.accumulate(speed) > _MOVING
-    ends = touching[1:] & moved[1:] & (speed[:-1] > STANDING) & (speed[1:] <= STANDING)
+    ends = standing(channels, points)[1:] & moved[1:] & (speed[:-1] > STANDING)
     if not ends.any():
         return None
     last = int(np.flatnonzero(speed[: int(np.argmax(ends)) + 1] > _WHOLE)[-1])
     slows = (speed[last] - speed[last + 1]) / (run.time[last + 1] - run.time[last])
     time = float(run.time[last] + speed[last] / slows)
-    way = np.hypot(np.diff(x[: last + 1]), np.diff(y[: last + 1])).sum()
+    north, east = (np.diff(channels[name][: last + 1]) for name in ("north", "east"))
+    way = np.hypot(north, east).sum()
     return Standstill(
         time,
         float(way + 0.5 * speed[last] ** 2 / slows),

@@ -3,6 +3,8 @@
 `read_example` gives what a user would have, as text: ``vehicle.toml``, ``preflight.toml`` (the
 preflight database) and ``model.toml`` (declared increments).
 
+``legs.toml`` is the landing gear that flies, also invented, which the preflight database lacks.
+
 `mission.fly` simulates a campaign and returns its logs (`instruments` has the logged topics). The
 flights use the true aerodynamics of `truth`, which the product never reads: only `mission` and the
 demo import it. `preflight` has the formulas behind ``preflight.toml``.
@@ -18,6 +20,6 @@ from importlib.resources import files
 def read_example(name: str) -> str:
     """Return the text of one of the example's files.
 
-    name : ``vehicle.toml``, ``preflight.toml`` or ``model.toml``.
+    name : ``vehicle.toml``, ``preflight.toml``, ``model.toml`` or ``legs.toml``.
     """
     return (files(__name__) / name).read_text(encoding="utf-8")

@@ -1,9 +1,10 @@
-"""Simulate the mission of Phoenix: drop, dive, steep approach and flare, up to touchdown.
+"""Simulate the mission of Phoenix: drop, dive, steep approach, flare and landing, to standstill.
 
 The mission is that of the Phoenix paper, section II. Each flight superposes its own test inputs on
 the autopilot, at its own approach speed, wind and turbulence: elevator 3-2-1-1 inputs and doublets,
 speed-brake and body-flap holds that are not perfectly correlated, and doublets of aileron, rudder
-and bank. Wheel forces and the roll after touchdown are not simulated.
+and bank. After touchdown on the main wheels the nose is lowered; then the wheels brake, and the
+rudder with its nose wheel holds the heading, until the vehicle stands still.
 """
 
 from collections.abc import Mapping
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 from aerodb.examples.phoenix import read_example
 from aerodb.examples.phoenix.instruments import instruments, lags, servo_channels
 from aerodb.examples.phoenix.truth import EFFECTS, Effect, truth
-from aerodb.exchange import read_native
+from aerodb.exchange import joined, read_native
 from aerodb.physics import DENSITY_0, GRAVITY, DrydenGusts, standard_atmosphere
 from aerodb.recording import Topic
 from aerodb.simulation import (
@@ -37,16 +38,21 @@ from aerodb.tables import AeroDatabase
 from aerodb.vehicle import Vehicle, parse_vehicle
 
 STEP = 0.01  # s
-LONGEST = 110.0  # s
+LONGEST = 140.0  # s
 GROUND = 180.0  # m above sea level
 DROP_HEIGHT = 2400.0  # m above the runway
 DROP_SPEED = 40.0  # m/s equivalent airspeed
 GEAR_HEIGHT = 40.0  # m
-TOUCHDOWN_HEIGHT = 1.6  # m, CG above ground with the gear just touching
+TOUCHDOWN_HEIGHT = 1.6  # m, CG above ground with the main wheels just touching
 FLARE_TIME = 5.0  # s, time constant of the exponential flare
 FLARE_SINK = 3.5  # m/s, sink rate at the end of the flare
 CAPTURE_SPEED = 62.0  # m/s equivalent airspeed at which the dive ends
 ALPHA_RATE = 0.1  # rad/s, rate limit of the commanded angle of attack
+DEROTATION = 0.04  # rad/s at which the nose is lowered on the main wheels
+LOWERED = -0.03  # rad, angle of attack to which it is lowered
+NOSE_DOWN = 0.01  # rad, pitch attitude below which the nose wheel carries
+BRAKE_RATE = 0.5  # 1/s at which the brakes come on
+HEADING_GAIN = 1.5  # rudder for a heading error, on the ground
 APPROACH = {"V": 105.0, "alpha": 0.08, "qbar": 6000.0, "height_above_ground": 1000.0}
 ELEVATOR = ("delta_elevator_outboard", "delta_elevator_inboard")
 AILERON = ("delta_aileron_outboard", "delta_aileron_inboard")
@@ -201,16 +207,20 @@ class Guidance:
     plan: MissionPlan
     capture: NDArray[np.bool_] = field(init=False)
     flare: NDArray[np.bool_] = field(init=False)
+    touched: NDArray[np.bool_] = field(init=False)
+    rolling: NDArray[np.bool_] = field(init=False)
     brake: Array = field(init=False)
+    wheel_brake: Array = field(init=False)
     wanted_alpha: Array = field(init=False)
-    inputs: Mapping[str, Array] = field(init=False)
+    inputs: Array = field(init=False)
 
     def __post_init__(self) -> None:
         clock = STEP * np.arange(round(LONGEST / STEP) + 1, dtype=np.float64)
-        self.inputs = {name: superposed(self.plan.events, name, clock) for name in _TARGETS}
+        own = [superposed(self.plan.events, name, clock) for name in _TARGETS]
+        self.inputs = np.stack(own, axis=1)
         k = len(self.plan.speed)
-        self.capture, self.flare = np.zeros(k, dtype=bool), np.zeros(k, dtype=bool)
-        self.brake = np.zeros(k)
+        self.capture, self.flare, self.touched, self.rolling = np.zeros((4, k), dtype=bool)
+        self.brake, self.wheel_brake = np.zeros((2, k))
         self.wanted_alpha = self.plan.dive
 
     def __call__(self, time: float, channels: Mapping[str, Array]) -> Mapping[str, Array]:
@@ -221,18 +231,31 @@ class Guidance:
         self.flare = self.flare | (
             height + FLARE_SINK * FLARE_TIME < FLARE_TIME * c["velocity_down"]
         )
+        self.touched = self.touched | (height < TOUCHDOWN_HEIGHT)
+        self.rolling = self.rolling | (self.touched & (c["theta"] < NOSE_DOWN))
+        self.wheel_brake = np.where(
+            self.rolling, np.minimum(self.wheel_brake + STEP * BRAKE_RATE, 1.0), 0.0
+        )
         testing = np.where(self.flare, 0.0, 1.0)
-        inputs = {
-            name: testing * values[round(time / STEP)] for name, values in self.inputs.items()
-        }
+        inputs = dict(zip(_TARGETS, testing * self.inputs[round(time / STEP)], strict=True))
         brake = self._speed_brake(equivalent) + inputs["speed_brake"]
         opened = np.clip(brake, 0.0, _OPEN) if self.plan.together else brake
         flap = np.deg2rad(-3.0) + self.plan.coupling * opened + inputs["body_flap"]
-        alpha = np.clip(self._alpha(c) + inputs["alpha"], np.deg2rad(1.0), np.deg2rad(15.0))
-        elevator = self.autopilot.elevator(c, alpha, {"body_flap": flap, "speed_brake": brake})
+        alpha = np.clip(
+            self._alpha(c) + inputs["alpha"],
+            np.where(self.touched, LOWERED, np.deg2rad(1.0)),
+            np.deg2rad(15.0),
+        )
+        elevator = np.where(
+            self.rolling,
+            0.0,
+            self.autopilot.elevator(c, alpha, {"body_flap": flap, "speed_brake": brake}),
+        )
         course = np.arctan2(c["velocity_east"], c["velocity_north"])
         turn = np.angle(np.exp(1j * (self.plan.heading - course)))
-        aileron = self.autopilot.aileron(c, np.clip(1.2 * turn, -0.25, 0.25) + inputs["bank"])
+        bank = np.where(self.touched, 0.0, np.clip(1.2 * turn, -0.25, 0.25) + inputs["bank"])
+        aileron = np.where(self.rolling, 0.0, self.autopilot.aileron(c, bank))
+        rudder = np.where(self.touched, c["r"] - HEADING_GAIN * turn, self.autopilot.rudder(c))
         outboard, inboard = (
             elevator + inputs[f"elevator_{where}"] for where in ("outboard", "inboard")
         )
@@ -244,10 +267,11 @@ class Guidance:
             "elevon_outboard_left": outboard - roll_outboard,
             "elevon_inboard_right": inboard + roll_inboard,
             "elevon_inboard_left": inboard - roll_inboard,
-            "rudder": self.autopilot.rudder(c) + inputs["rudder"],
+            "rudder": rudder + inputs["rudder"],
             "body_flap": flap,
             "speed_brake": brake,
             "landing_gear": np.where(height < GEAR_HEIGHT, 1.0, 0.0),
+            "brake": self.wheel_brake,
         }
 
     def _alpha(self, c: Mapping[str, Array]) -> Array:
@@ -273,10 +297,10 @@ class Guidance:
         alpha = np.clip(
             known.alpha + (-lift - known.CZ) / known.CZ_alpha, np.deg2rad(1.0), np.deg2rad(14.0)
         )
-        change = np.where(self.capture, alpha, self.plan.dive) - self.wanted_alpha
-        self.wanted_alpha = self.wanted_alpha + np.clip(
-            change, -STEP * ALPHA_RATE, STEP * ALPHA_RATE
-        )
+        wanted = np.where(self.capture, alpha, self.plan.dive)
+        rate = STEP * np.where(self.touched, DEROTATION, ALPHA_RATE)
+        change = np.where(self.touched, LOWERED, wanted) - self.wanted_alpha
+        self.wanted_alpha = self.wanted_alpha + np.clip(change, -rate, rate)
         return self.wanted_alpha
 
     def _speed_brake(self, equivalent: Array) -> Array:
@@ -291,7 +315,7 @@ class Guidance:
         )
         wanted = np.where(
             self.flare,
-            np.deg2rad(4.0),
+            np.where(self.touched, _OPEN, np.deg2rad(4.0)),
             np.where(self.capture, 0.15 + self.brake + 0.035 * error, 0.0),
         )
         return np.clip(wanted, 0.0, _OPEN)
@@ -356,6 +380,8 @@ def simulate(
 ) -> History:
     """Return the flights of a campaign on `database`, with an autopilot designed on `preflight`.
 
+    With legs (`on_legs`) they end as the vehicle stands still, without as it touches the ground.
+
     All randomness comes from `seed`. together : as for `plan`.
 
     Channels (n, k) of k flights, SI; the drop is that of `drop_start`, the gusts are `DrydenGusts`.
@@ -380,14 +406,17 @@ def simulate(
         )
 
     # The servos follow the autopilot before the drop: they start at its first command.
-    first = fly_from({name: np.zeros(flights) for name in vehicle.surfaces}, 0.0).commands
-    return fly_from(
-        {
-            name: np.clip(first[name][0], *surface.limits)
-            for name, surface in vehicle.surfaces.items()
-        },
-        LONGEST,
-    )
+    free = {"brake": np.zeros(flights)}
+    first = fly_from({name: np.zeros(flights) for name in vehicle.surfaces} | free, 0.0).commands
+    servos = {
+        name: np.clip(first[name][0], *surface.limits) for name, surface in vehicle.surfaces.items()
+    }
+    return fly_from(servos | free, LONGEST)
+
+
+def on_legs(database: AeroDatabase) -> AeroDatabase:
+    """Return aerodynamics (SI) on the example's landing gear."""
+    return joined(database, read_example("legs.toml"), "legs.toml")
 
 
 def fly(
@@ -402,7 +431,8 @@ def fly(
     """
     vehicle = parse_vehicle(read_example("vehicle.toml"), "vehicle.toml")
     preflight = read_native(read_example("preflight.toml"), "preflight.toml")
-    history = simulate(vehicle, truth(preflight, effects)[0], preflight, seed, flights, together)
+    flown = on_legs(truth(preflight, effects)[0])
+    history = simulate(vehicle, flown, preflight, seed, flights, together)
     return logs(vehicle, history, seed)
 
 

@@ -7,16 +7,20 @@ import pytest
 from scipy.signal import welch
 
 from aerodb.errors import InputError
+from aerodb.exchange import read_native
 from aerodb.physics.turbulence import DrydenGusts, dryden_scales
 from aerodb.simulation import Actuator, FlownVehicle, flight_model, flown_of, simulate
 from aerodb.simulation.closed_loop import Actuators, History, fly
 from aerodb.simulation.engine import _DEFAULTS, initial_state
+from aerodb.simulation.ground import standstill
 from aerodb.simulation.inputs import Event, superposed
 from aerodb.simulation.layout import SURROUNDINGS
 from aerodb.simulation.sensors import Instrument, SensorSignal, at_instruments, measure
 from aerodb.support.arrays import Array
 from aerodb.tables import AeroDatabase, ReferenceGeometry, Term, parse
 from aerodb.vehicle import Surface, parse_vehicle
+from tests.support.three_wheels import VEHICLE as WHEELS
+from tests.support.three_wheels import WITH_AIR
 
 PLAIN = """
 name = "body"
@@ -236,3 +240,28 @@ def test_a_pure_roll_moment_couples_through_the_product_of_inertia() -> None:
     determinant = 10.0 * 25.0 - 4.0
     rates = [found.channels[name][0, 0] for name in ("pdot", "qdot", "rdot")]
     assert rates == pytest.approx([25.0 / determinant, 0.0, 2.0 / determinant])
+
+
+def test_on_legs_a_flight_rolls_until_it_stands_still() -> None:
+    """Brakes that the controller sets, and the standstill that `simulate` finds with the same
+    commands."""
+    database = read_native(WITH_AIR)
+    flown = flown_of(parse_vehicle(WHEELS), database)
+    k = 2
+    brake = np.array([1.0, 0.5])
+    free = {"brake": np.zeros(k), "steering": np.zeros(k)}
+    start = {"V": np.full(k, 40.0), "altitude": np.full(k, 1.19)}
+    found = fly(
+        flown, start, free, lambda _, c: {"brake": brake, "steering": 0.0 * c["V"]},
+        step=0.01, duration=60.0, wind=np.zeros((3, k)),
+    )  # fmt: skip
+    time = 0.01 * np.arange(6001)
+    for number, share in enumerate(brake):
+        given = {**flown.masses, "brake": np.where(time > 0.0, share, 0.0), "steering": 0.0}
+        alone = simulate(flown.model, time, {"V": 40.0, "altitude": 1.19}, given, parts=2)
+        end = standstill(alone, database, (0.0, 0.0, 0.0))
+        assert end is not None
+        n = found.samples[number]
+        assert found.time[n - 1] == pytest.approx(end.time, abs=0.1)
+        assert found.channels["north"][n - 1, number] == pytest.approx(end.distance, rel=1e-3)
+    assert found.samples[0] < found.samples[1]
