@@ -45,6 +45,8 @@ class Sweep(Answer):
     taken_as: dict[str, float]
     values: list[float]
     axes: dict[str, Along]
+    faded_below: float | None
+    faded_above: float | None
     label: str
     factor: float
 

@@ -10,7 +10,7 @@ import numpy as np
 from aerodb.errors import InputError, nearest
 from aerodb.storage.catalogue import Catalogue, VersionRow
 from aerodb.support import Array
-from aerodb.tables import AeroDatabase, Place, evaluate_database, unstated_inputs
+from aerodb.tables import AeroDatabase, Evaluation, Place, evaluate_database, unstated_inputs
 from aerodb.tasks.references import point_of
 from aerodb.tasks.workspace_access import database_from
 
@@ -93,8 +93,9 @@ def sweep(
     `evaluate_at`.
 
     Returns a document: version, over, at, taken_as_zero, taken_as, values (points,) [SI], axes
-    (axis -> value, standard_error and place, each (points,); None if not known). Raises InputError
-    if `over` is not an input, or if the range or the number of points is invalid.
+    (axis -> value, standard_error and place, each (points,); None if not known), faded_below and
+    faded_above [SI]: the values beyond which no increment is left, or None. Raises InputError if
+    `over` is not an input, or if the range or the number of points is invalid.
     """
     database = database_of(catalogue, version)
     if over not in database.inputs:
@@ -133,6 +134,17 @@ def sweep(
         "taken_as": {name: value for name, value in point.taken.items() if name != over},
         "values": line.tolist(),
         "axes": axes,
+        **_faded(line, evaluation),
+    }
+
+
+def _faded(line: Array, evaluation: Evaluation) -> dict[str, float | None]:
+    """The values of a line (n,) below and above which no increment is left."""
+    left = np.flatnonzero(np.any([*evaluation.weight.values(), np.zeros(len(line))], axis=0))
+    first, last = (left[0], left[-1]) if len(left) else (0, len(line) - 1)
+    return {
+        "faded_below": float(line[first - 1]) if first > 0 else None,
+        "faded_above": float(line[last + 1]) if last + 1 < len(line) else None,
     }
 
 

@@ -56,12 +56,15 @@ class Evaluation:
     place : (n,), codes of `Place`. OUTSIDE where a table that this axis depends on is evaluated
         beyond its breakpoints, even if flights have been there; else INSIDE_DATA where the
         envelope of an increment on this axis contains the point; else INSIDE_TABLES.
+    weight : (n,), dimensionless: the largest share that an increment on this axis has; 0 where
+        all have faded. Axes with increments only.
     prediction : the same values, and which tables are evaluated beyond their breakpoints.
     """
 
     value: Mapping[str, Array]
     standard_error: Mapping[str, Array]
     place: Mapping[str, NDArray[np.int8]]
+    weight: Mapping[str, Array]
     prediction: Prediction
 
 
@@ -84,12 +87,13 @@ def evaluate_database(database: AeroDatabase, channels: Mapping[str, Value]) -> 
         {axis: np.zeros(n) for axis in axes},
         {axis: np.zeros(n, dtype=np.bool_) for axis in axes},
     )
-    known: set[str] = set()
+    known, changed = set[str](), set[str]()
     for increment in database.increments:
         result, left = increment.evaluate(values), increment.weight(values)
         own[increment.axis] += result.standard_error**2
         for axis in BODY_AXES_OF.get(increment.axis, (increment.axis,)):
             known.add(axis)
+            changed.add(axis)
             weight[axis] = np.maximum(weight[axis], left)
             inside[axis] |= result.inside
     declared, uncertain = declared_variance(database, values, rotation, n)
@@ -108,6 +112,7 @@ def evaluate_database(database: AeroDatabase, channels: Mapping[str, Value]) -> 
         {axis: prediction.coefficients[axis] for axis in axes},
         {axis: np.sqrt(variance[axis]) if axis in known else np.full(n, np.nan) for axis in axes},
         {axis: codes.astype(np.int8) for axis, codes in place.items()},
+        {axis: weight[axis] for axis in axes if axis in changed},
         prediction,
     )
 

@@ -32,7 +32,7 @@
       latest = { own, parent, factor };
       draw();
       const taken = own.taken_as_zero.join(", ");
-      said.textContent = `${own.values.length} points.` + (taken ? ` Taken as zero: ${taken}.` : "");
+      said.textContent = `${own.values.length} points.` + (taken ? ` Taken as zero: ${taken}.` : "") + sweeps.faded(own, factor);
       form.dataset.shown = own.over;
     } catch (error) {
       if (turn === asked) said.textContent = String(error.message || error);

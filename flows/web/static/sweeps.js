@@ -27,6 +27,13 @@ const sweeps = (() => {
     return stretches;
   }
 
+  // Beyond which values nothing of the changes is left, in words; it looks like a stall.
+  function faded({ label, faded_below: below, faded_above: above }, factor) {
+    const sides = [["below", below], ["above", above]].filter(([, value]) => value != null);
+    const words = sides.map(([side, value]) => `${side} ${plots.shown(value * factor)}`).join(" and ");
+    return words && ` Its changes have faded to nothing ${words} (${label}).`;
+  }
+
   // Draws into `place` the versions in `drawn`: [{sweep, label, colour, band, dash, width, shade}]; the last is
   // on top. Shaded: where no flight of the one with `shade` has been. Panels that
   // are there are used again.
@@ -56,5 +63,5 @@ const sweeps = (() => {
     }
     return made;
   }
-  return { along, draw };
+  return { along, draw, faded };
 })();

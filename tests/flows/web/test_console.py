@@ -291,6 +291,27 @@ def test_a_sweep_passes_through_the_points_that_evaluate_gives(
     assert line["axes"]["Cn"]["standard_error"] == [None] * 5
 
 
+def test_a_sweep_says_where_nothing_of_the_changes_is_left(client: TestClient, made: Made) -> None:
+    own, parent = (
+        client.get(
+            f"/api/versions/{version}/sweep?over=alpha&from=-60deg&to=60deg&points=241"
+        ).json()
+        for version in (made.candidate, made.baseline)
+    )
+    values = np.array(own["values"])
+    gone = (values <= own["faded_below"]) | (values >= own["faded_above"])
+    changed = np.any(
+        [
+            np.abs(np.subtract(found["value"], parent["axes"][axis]["value"])) > 1e-12
+            for axis, found in own["axes"].items()
+        ],
+        axis=0,
+    )
+    assert changed[np.flatnonzero(~gone)[[0, -1]]].all()
+    assert not changed[gone].any()
+    assert parent["faded_below"] is parent["faded_above"] is None
+
+
 def test_a_table_is_shown_with_its_own_numbers(client: TestClient, made: Made) -> None:
     table = client.get(f"/api/versions/{made.candidate}/tables/CZ0").json()
     assert table["channels"] == ["alpha"]

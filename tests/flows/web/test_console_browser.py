@@ -163,6 +163,12 @@ def test_curves_are_drawn_beside_the_parent(browser: Any, address: str, made: Ma
         visit(page, address, f"/versions/{made.candidate}")
         page.wait_for_selector("#sweep[data-shown=alpha]")
         assert page.locator("#curves figure").count() == 6
+        page.fill("#low", "-60")
+        page.fill("#high", "60")
+        page.click("#sweep button")
+        page.wait_for_function(
+            "() => /have faded to nothing below -/.test(swept.textContent.replace('−', '-'))"
+        )
         page.select_option("#over", "delta_elevator")
         page.fill("#through", "alpha=5deg,V=25")
         page.click("#sweep button")
