@@ -8,7 +8,7 @@ import numpy as np
 
 from aerodb.conditioning import SETTLED
 from aerodb.nomenclature import is_surface
-from aerodb.support import HALF, NOTABLE, SUBSTANTIAL, Array
+from aerodb.support import HALF, MINUTE, NOTABLE, SUBSTANTIAL, Array
 from aerodb.suspicions.begin import LEFT, explained_from, explained_within
 from aerodb.suspicions.evidence import ERRORS, EXPLAINED, LATE, LIKELIER
 from aerodb.suspicions.surfaces import role_of
@@ -171,12 +171,16 @@ class Fault:
         return sign * self.size >= 0.0 and (is_surface(self.channel) or self.what != "delay")
 
     def is_borne_out(self, axes: Mapping[str, Axis]) -> bool:
-        """Whether it lowers what the database leaves as it is. One that raises it would need errors
-        of the database that hide it, and fits only what little motion does not explain."""
+        """Whether it lowers what the database leaves as it is, where motion imitates nearly all of
+        it. One that raises that would need errors of the database that hide it, and noise decides
+        its size."""
         change = 0.0
         for axis in self.axes:
-            rest, fault = axes[axis].rest, self.size * self.columns[axis]
-            change += float(np.var(rest - fault) / np.var(rest)) - 1.0
+            rest, column = axes[axis].rest, self.columns[axis]
+            own = axes[axis].own(column)
+            if not float(own @ own) < MINUTE * len(column) * float(np.var(column)):
+                return True
+            change += float(np.var(rest - self.size * column) / np.var(rest)) - 1.0
         return change < 0.0
 
     def is_likelier(self, axes: Mapping[str, Axis], most: Mapping[str, float]) -> bool:
