@@ -212,7 +212,7 @@ _TO_SI: Final = {
     ("us", "s"): (1e-06, 0.0),
     **{(name, name): (1.0, 0.0) for name in ("dimensionless", "m", "m/s", "m/s^2", "rad", "rad/s")},
     **{(name, name): (1.0, 0.0) for name in ("rad/s^2", "s", "Pa", "N", "K", "kg", "kg/m^3")},
-    **{(name, name): (1.0, 0.0) for name in ("Hz", "m^2", "kg m^2")},
+    **{(name, name): (1.0, 0.0) for name in ("Hz", "m^2", "kg m^2", "V")},
 }
 #: The same by unit alone, and with each unit to itself, as checks of a unit ask.
 _IN_SI: Final = {unit: pair for (unit, _), pair in _TO_SI.items()}

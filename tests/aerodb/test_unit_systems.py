@@ -4,6 +4,7 @@ import pytest
 
 from aerodb import units
 from aerodb.errors import InputError
+from aerodb.nomenclature import CHANNELS
 from aerodb.units import _SHOWN, SI, UnitSystem, conversion
 
 #: Labels as pint spells them.
@@ -49,3 +50,9 @@ def test_common_conversions_are_those_of_pint() -> None:
         base = f"{units._registry().Quantity(1.0, unit).to_base_units().units}"
         assert units._by_pint(unit, base) == known, unit
         assert units.si_conversion(unit) == known
+
+
+def test_no_channel_waits_for_pint() -> None:
+    """Its registry takes half a second to start: a channel in its own unit must not need it."""
+    own = {channel.unit for channel in CHANNELS.values()}
+    assert {unit for unit in own if (units.spelled(unit),) * 2 not in units._COMMON} == set()
