@@ -25,6 +25,8 @@ _CONSTANT: Final = "constant"
 _MODEL_ERROR: Final = "model error"
 _AT: Final = re.compile(r"(?P<term>.+?)(?: over (?P<over>\w+))? at (?P<value>-?[\d.e+-]+)")
 _ABOVE: Final = re.compile(r"max\((?P<name>\w+) - (?P<value>[\d.e+-]+), 0\)")
+#: A channel on one side of zero, or its size.
+_ONE_SIDED: Final = re.compile(r"(?:min|max)\((\w+),0\)|abs\((\w+)\)")
 _FACTOR: Final = re.compile(r"(?P<name>[A-Za-z_]\w*)(?:\^(?P<power>\d+))?")
 
 
@@ -105,8 +107,8 @@ def term_unit(text: str) -> str:
     ['-', '1/rad', '-', '1/rad²', '1/rad²']
     >>> term_unit("alpha at 0.0873"), term_unit("V"), term_unit("exp(alpha)"), term_unit("1 - mach")
     ('-', '1/(m/s)', '?', '-')
-    >>> term_unit("max(alpha - 0.175, 0)")
-    '1/rad'
+    >>> term_unit("max(alpha - 0.175, 0)"), term_unit("alpha*min(beta, 0)"), term_unit("abs(beta)")
+    ('1/rad', '1/rad²', '1/rad')
     """
     hinge = _ABOVE.fullmatch(text)
     if hinge is not None:
@@ -116,7 +118,7 @@ def term_unit(text: str) -> str:
         return term_unit(knot["term"]) if knot["over"] else "-"
     powers: dict[str, int] = {}
     for part in text.replace(" ", "").split("*"):
-        found = _FACTOR.fullmatch(part)
+        found = _FACTOR.fullmatch(_ONE_SIDED.sub(r"\1\2", part))
         if found is None:
             try:
                 float(part)
