@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 3,
     "fly": 8,
     "estimate": 27,
-    "update": 38,
+    "update": 39,
     "gram": 22,
     "close_loop": 76,
 }

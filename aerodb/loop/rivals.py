@@ -90,6 +90,8 @@ def sensor_rivals(
         return _seen(before, source.view(flight, candidate, bandwidth))
 
     change = _Change([seen(flight) for flight in flights])
+    if not change.is_seen:
+        return ()
     sensors = [each for each in library.hypotheses if each.kind == "sensor"]
     found = [each for sensor in sensors if (each := _explains(change, sensor)) is not None]
     zeros = [each for each in sensors if each.effect == "surface_bias" and each.known_by]
@@ -102,9 +104,10 @@ def sensor_rivals(
             each.size,
             (each.size - each.half, each.size + each.half),
             each.hypothesis.because,
-            _shares(change, each.columns, each.size),
+            shares,
         )
         for each in _best(change, found)
+        if (shares := _shares(change, each.columns, each.size))
     )
 
 
@@ -175,14 +178,23 @@ class _Change:
         return {axis: size for axis, size in sizes.items() if size > 0.0}
 
     @cached_property
+    def sizes(self) -> dict[str, float]:
+        """Axis -> rms of the change, in floors."""
+        return {
+            axis: rms(np.concatenate([f.changed[axis] for f in self.flights if axis in f.changed]))
+            / floor
+            for axis, floor in self.floors.items()
+        }
+
+    @cached_property
     def axes(self) -> frozenset[str]:
         """The axes that change."""
-        return frozenset(
-            axis
-            for axis, floor in self.floors.items()
-            if rms(np.concatenate([f.changed[axis] for f in self.flights if axis in f.changed]))
-            > _CHANGED * floor
-        )
+        return frozenset(axis for axis, size in self.sizes.items() if size > _CHANGED)
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether flights tell the change from none."""
+        return any(size > _UNSEEN for size in self.sizes.values())
 
     def beside(
         self, columns: Sequence[Mapping[str, Array]], axis: str

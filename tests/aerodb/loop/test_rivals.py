@@ -173,6 +173,16 @@ def test_a_dead_zone_on_one_side_is_a_zero_of_its_surface(
     assert ("surface_bias@all:elevator" in found) == (not stated)
 
 
+def test_a_change_that_no_flight_tells_from_none_has_no_rival(source: FlightsInMemory) -> None:
+    """A right database estimated again: its change is a part of the noise, and any small error
+    explains it as well."""
+    for text in (
+        '[[increment]]\naxis = "Cl"\nterms = ["p_hat", "delta_aileron"]\n',
+        '[[increment]]\naxis = "Cn"\nterms = ["beta", "delta_rudder"]\n',
+    ):
+        assert rivals(source, database(1.0), text) == ()
+
+
 def test_nothing_to_judge_passes() -> None:
     assert judge_rivals((), ()).passed
     assert judge_derivatives((), 0.5, ()).passed
