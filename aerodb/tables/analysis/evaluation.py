@@ -87,15 +87,15 @@ def evaluate_database(database: AeroDatabase, channels: Mapping[str, Value]) -> 
         {axis: np.zeros(n) for axis in axes},
         {axis: np.zeros(n, dtype=np.bool_) for axis in axes},
     )
-    known, changed = set[str](), set[str]()
+    known = set[str]()
     for increment in database.increments:
         result, left = increment.evaluate(values), increment.weight(values)
         own[increment.axis] += result.standard_error**2
         for axis in BODY_AXES_OF.get(increment.axis, (increment.axis,)):
             known.add(axis)
-            changed.add(axis)
             weight[axis] = np.maximum(weight[axis], left)
             inside[axis] |= result.inside
+    changed = frozenset(known)
     declared, uncertain = declared_variance(database, values, rotation, n)
     known |= {axis for source in uncertain for axis in BODY_AXES_OF.get(source, (source,))}
     variance = _in_body_axes(own, rotation)

@@ -84,7 +84,7 @@
       const [before, after] = await Promise.all(["before", "after"].map((side) => swept(side, over, factor)));
       latest = { before, after, factor };
       const drawn = draw();
-      said.textContent = (drawn.length < 2 ? `Only ${drawn[0].label} depends on ${over}.` : "") + (after ? `${form.dataset.afterLabel}:${sweeps.faded(after, factor)}` : "");
+      said.textContent = (drawn.length < 2 ? `Only ${drawn[0].label} depends on ${over}.` : "") + (after ? sweeps.faded(after, factor) : "");
       form.dataset.shown = `${over} ${point("after")}`;
       remember();
     } catch (error) { said.textContent = String(error.message || error); }
