@@ -205,6 +205,18 @@ def _reasons(
     return found
 
 
+@dataclass(frozen=True, eq=False)
+class _Scale:
+    """Axis of a record, what it was divided by, what was measured (n,), and of which samples it is
+    which run."""
+
+    axis: str
+    size: float
+    flown: Array
+    samples: ParameterSamples
+    run: slice
+
+
 def _settled(
     function: Callable[[LinearEquation], Fit],
     flights: Sequence[IdentificationFlight],
@@ -236,20 +248,14 @@ def _settled(
         assert fit is not None
         late = f"The values still move after {_MOST} solutions: start nearer."
         fit = replace(fit, converged=False, notes=(*fit.notes, late))
-    return _with_air(fit, flights, names, present, own_constants)
+    return _with_air(fit, scales, names, present)
 
 
 def _with_air(
-    fit: Fit,
-    flights: Sequence[IdentificationFlight],
-    names: Sequence[str],
-    present: AeroDatabase,
-    own_constants: bool,
+    fit: Fit, scales: Sequence[_Scale], names: Sequence[str], present: AeroDatabase
 ) -> Fit:
     """The fit, whose covariance holds what air does that no sensor measures."""
-    comparisons = [flight.comparison for flight in flights]
-    samples = parameter_samples(comparisons, names, present, own_constants)
-    doubt = air_covariance([(each, run) for each in samples for run in _runs(each)], present)
+    doubt = air_covariance([(each.samples, each.run) for each in scales], present)
     if not doubt.any():
         return fit
     places = [names.index(name) for name in fit.names if name in names]
@@ -265,15 +271,6 @@ def _with_air(
     )
     told = "Standard errors include air that no sensor measures: the flow is that over the ground."
     return replace(fit, covariance=covariance, estimates=estimates, assumes=(*fit.assumes, told))
-
-
-@dataclass(frozen=True, eq=False)
-class _Scale:
-    """Axis of a record, what it was divided by, and what was measured (n,)."""
-
-    axis: str
-    size: float
-    flown: Array
 
 
 def _told_of_axes(
@@ -346,7 +343,8 @@ def _equation(
             name = f"{flight}#{count + 1} {each.axis}"
             records.append(EquationRecord(name, time[run], x, left + x @ values))
             flown = each.comparison.measured[each.axis][run]
-            scales.append(_Scale(each.axis, each.size, flown - each.centred * flown.mean()))
+            flown = flown - each.centred * flown.mean()
+            scales.append(_Scale(each.axis, each.size, flown, each, run))
     if not records:
         raise InputError(
             f"no flight gives {SHORTEST:g} s of usable samples in a row on an axis that the"

@@ -139,8 +139,10 @@ def as_compared(axis: str, values: Array, comparison: Comparison) -> Array:
     """Return what is predicted on an axis (n,), dimensionless, band-limited like what is measured
     there: moments of differentiated rates by that derivative, and once more by the comparison."""
     bandwidth = comparison.bandwidth
-    if axis not in MOMENT_AXES or bandwidth is None or not np.isfinite(values).any():
+    if axis not in MOMENT_AXES or bandwidth is None:
         return values
+    if not np.any(np.isfinite(values) & (values != 0.0)):
+        return values  # nothing stays nothing
     step = float(comparison.time[-1] - comparison.time[0]) / (len(comparison.time) - 1)
     return band_limited(low_passed_rate(values, step, bandwidth), step, bandwidth)
 

@@ -182,7 +182,8 @@ def _arrow_type(column: Column) -> Any:
     dtype = column.values.dtype
     if dtype.kind in "biuf" and dtype.itemsize <= 8:
         return pa.from_numpy_dtype(dtype.newbyteorder("="))
-    if dtype.kind == "U" or (dtype.kind == "O" and all(isinstance(v, str) for v in column.values)):
+    kinds = set(map(type, column.values.tolist())) if dtype.kind == "O" else set()
+    if dtype.kind == "U" or (dtype.kind == "O" and all(issubclass(kind, str) for kind in kinds)):
         return pa.string()
     if dtype.kind == "S":
         return pa.binary()

@@ -5,7 +5,6 @@ from typing import Any
 import numpy as np
 
 from aerodb.errors import InputError
-from aerodb.report import estimates_report
 from aerodb.storage.files import read_results
 from aerodb.support import Array
 from aerodb.tasks.actors import user
@@ -18,6 +17,8 @@ def estimates_page(document: dict[str, Any], *, workspace: str, run: str) -> str
 
     Reads `estimate_by_methods`' stored result. Raises InputError where it is lost.
     """
+    from aerodb.report import estimates_report  # loads the drawing
+
     access = access_workspace(workspace)
     path, result = access.path_of(document["key"]), access.catalogue.result(document["key"])
     if path is None or result is None:

@@ -422,9 +422,9 @@ def _long(fits: Sequence[Fit]) -> dict[str, Array]:
         for record, outputs in fit.fitted.items():
             for response, fitted in outputs.items():
                 n = len(fitted)
-                columns["method"].append(np.repeat(fit.method, n))
-                columns["record"].append(np.repeat(record, n))
-                columns["response"].append(np.repeat(response, n))
+                words = {"method": fit.method, "record": record, "response": response}
+                for name, word in words.items():
+                    columns[name].append(np.full(n, word, dtype=object))  # n copies are not made
                 columns["time"].append(fit.times[record])
                 columns["fitted"].append(fitted)
                 columns["residual"].append(fit.residuals[record][response])

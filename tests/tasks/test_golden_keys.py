@@ -38,7 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (76, "9e36e396d0d518ba", "b7cd226038e57476"),
     "fly": (8, "c2e0209a428f1e39", "c1e07fb83cde1a03"),
     "import": (3, "2c4d0454b27962f7", "15d078bd64552f53"),
-    "estimate": (27, "47834bd443fb1620", "be09817f5df27dda"),
+    "estimate": (28, "e37ba6b59a5faa7f", "be09817f5df27dda"),
     "update": (39, "dd802aee5c4733af", "6b1983884f9e9ae7"),
 }
 
