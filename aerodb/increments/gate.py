@@ -270,8 +270,9 @@ def _parent(standing: Standing) -> tuple[str, ...]:
     )
     if not standing.parent:
         what += (
-            "; an import may replace a released import: first go back to that one with aerodb"
-            " version rollback"
+            "; to replace a released import, first go back to it: aerodb version rollback. A"
+            " database of another flight condition is imported for a vehicle of its own: aerodb"
+            " vehicle add, then aerodb database import --vehicle"
         )
     return (what,)
 

@@ -200,8 +200,9 @@ def trim(session: Session, row: "VersionRow", flight: "StatedCondition", words: 
         document = trim_document(session.catalogue(), row, flight)
     session.headlines(
         _steady_words(session, row, document),
-        _known_to(session, row, document),
+        (),
         f"aerodb version modes {words}",
+        _known_to(session, row, document),
     )
     session.say()
     _print_trim(session, row, document)
@@ -229,8 +230,9 @@ def modes(
         document = modes_document(session.catalogue(), row, flight)
     session.headlines(
         f"{_steady_words(session, row, document)}; {_stability(document['modes'])}",
-        _known_to(session, row, document),
+        (),
         f"aerodb version trim {words}",
+        _known_to(session, row, document),
     )
     session.say()
     print_modes(session, document["modes"])

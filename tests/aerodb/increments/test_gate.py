@@ -142,6 +142,11 @@ def test_a_force_along_x_counts_where_drag_or_lift_became_worse(
             "parent is the released",
             "v0002 has no parent, but v0001 is released",
         ),
+        (
+            {"parent": "", "below_released": False},
+            "parent is the released",
+            "of another flight condition is imported for a vehicle of its own: aerodb vehicle add",
+        ),
         ({"parent": "v0004", "released": "v0001"}, "parent is the released", "promote v0004 first"),
         ({"stale": ("flight f1 was retracted",)}, "not stale", "flight f1 was retracted"),
         (
