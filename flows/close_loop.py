@@ -9,6 +9,7 @@ from aerodb.tasks.steps import (
     close_loop_on_rolls,
     compare_with_version,
     freeze_library,
+    in_own_process,
     plan_rolls,
     plan_update,
     prove_loop,
@@ -83,7 +84,9 @@ def close_loop_flow(
         document = steps(close_loop_on_rolls, plan, **where, accept=accept)
         document = steps(with_gate, document, **where)
         return {**document, "page": steps(write_update_page, document, **where)}
-    compared = steps.each(compare_with_version, flights, **where, version=baseline, confine=False)
+    apart = in_own_process(flights, workspace=workspace)
+    compare = steps.map if apart else steps.each
+    compared = compare(compare_with_version, flights, **where, version=baseline, confine=apart)
     try:
         plan = steps(
             plan_update,
@@ -101,15 +104,16 @@ def close_loop_flow(
         freeze_library, plan, **where, effects=effects, expected=library, measured=measured or []
     )
     accept.check(frozen)
-    # The first round's normal equations do not depend on each other.
-    steps.each(
-        trace_flight,
-        plan.hold_out.identified,
-        **where,
-        library=frozen,
-        database=access_workspace(workspace).database(baseline),
-        select=plan.select,
-    )
+    if not apart:
+        # The first round's normal equations do not depend on each other.
+        steps.each(
+            trace_flight,
+            plan.hold_out.identified,
+            **where,
+            library=frozen,
+            database=access_workspace(workspace).database(baseline),
+            select=plan.select,
+        )
     loop, (proof, beyond, stalls), left = until_all_gain(
         lambda out: steps(run_loop, plan, frozen, **where, accept=accept, without_gain=out),
         lambda loop: steps(prove_loop, plan, frozen, loop, **where, accept=accept),

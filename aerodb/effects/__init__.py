@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         NATURAL_ANGLE_ERRORS,
         SURFACE_MOTION,
         air_rotation_columns,
+        error_columns_of,
         half_width,
         hypotheses_for_flight,
         predicted_change,

@@ -45,13 +45,13 @@ if TYPE_CHECKING:
     from .between_flights import dependences_between_flights
     from .consider import consider_parameters, noisier_flights
     from .declared import ByMethod, estimate_declared, outside_envelopes, validate_declared
-    from .evidence import evidence_beside
+    from .evidence import evidence_beside, normal_equations_beside
     from .flight_source import FlightSource, ReconstructionErrors
     from .freezing import freeze_library
     from .frozen_library import Library
     from .levels import LevelRival, UnexplainedLevel, unexplained_levels
     from .model_error import with_model_error
-    from .noise_floor import noise_floor_of, noise_floors
+    from .noise_floor import noise_floor_of, noise_floors_of
     from .rivals import SensorRival, sensor_rivals
     from .roll_search import RollSearch, search_rolls, with_air_drag, without_added
     from .rounds import LoopResult, run_loop

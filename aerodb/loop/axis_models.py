@@ -140,7 +140,7 @@ def axis_models(
         axes -= _axes(hypotheses[number[id]] for id in without_gain)
     if not axes:
         return None, ()
-    normal_equations = [source.normal_equations(flight, baseline, library) for flight in flights]
+    normal_equations = source.normal_equations(flights, baseline, library)
     tests = cross_flight_tests(normal_equations, hypotheses, settings)
     out = [number[id] for id in late]
     beside = [

@@ -44,7 +44,7 @@ def dependences_between_flights(
     conditions = conditions_of(views)
     if not conditions:
         return ()
-    normal_equations = [source.normal_equations(id, loop.candidate, library) for id in flights]
+    normal_equations = source.normal_equations(flights, loop.candidate, library)
     return dependences_on_conditions(
         normal_equations,
         library.hypotheses,

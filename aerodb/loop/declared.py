@@ -24,7 +24,6 @@ from aerodb.increments import (
 from aerodb.loop.angle_errors import with_attenuation
 from aerodb.loop.consider import consider_parameters, noisier_flights
 from aerodb.loop.flight_source import FlightSource
-from aerodb.loop.noise_floor import noise_floors
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import TracingSettings
 
@@ -81,7 +80,7 @@ def validate_declared(
     before = {flight: source.comparison(flight, baseline) for flight in flights}
     after = {flight: source.comparison(flight, update.candidate) for flight in flights}
     if hold_out.kind != "cross-validated":
-        floors = noise_floors(source, hold_out.held_out or flights, update.candidate)
+        floors = source.noise_floors(hold_out.held_out or flights, update.candidate)
         proof = validate_on_held_out(before, after, hold_out, floors)
         held_out = dict.fromkeys(hold_out.held_out, update.candidate)
         return proof, outside_envelopes(source, held_out)
@@ -100,7 +99,7 @@ def validate_declared(
         predictors[left_out] = _estimated_where_possible(estimated, model, baseline)
         return source.comparison(left_out, predictors[left_out])
 
-    floors = noise_floors(source, flights, update.candidate)
+    floors = source.noise_floors(flights, update.candidate)
     proof = validate_by_leaving_one_out(before, after, without, floors)
     return proof, outside_envelopes(source, predictors)
 

@@ -3,6 +3,7 @@
 Residual and columns, copies with more state noise, shape-misfit terms, instruments.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,16 +12,18 @@ from aerodb.coefficients import Comparison
 from aerodb.consistency import StateNoise
 from aerodb.effects import FlightView, hypotheses_for_flight, view_of
 from aerodb.flight import Flight
-from aerodb.loop.flight_source import FlightSource, ReconstructionErrors
+from aerodb.loop.flight_source import FlightSource, ReconstructionErrors, on_each
 from aerodb.loop.frozen_library import Library
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
     LONG,
     Evidence,
+    FlightNormalEquations,
     TracingSettings,
     bounded_noise,
     evidence_of,
     noisy_copies,
+    normal_equations_of,
     with_air_data_noise,
     with_commanded_rates,
     with_deflection_noise,
@@ -115,3 +118,21 @@ def evidence_beside(
             evidence, with_shape_terms(evidence_commanded, commanded, library.hypotheses)
         )
     return evidence
+
+
+def normal_equations_beside(
+    source: FlightSource,
+    flights: Sequence[str],
+    database: AeroDatabase,
+    library: Library,
+    *,
+    rotating_air: bool = False,
+) -> list[FlightNormalEquations]:
+    """Return the normal equations of the evidence of flights (their ids) compared with a database;
+    matrices (k, k), whitened. As `evidence_beside`."""
+
+    def of(flight: str) -> FlightNormalEquations:
+        evidence = evidence_beside(source, flight, database, library, rotating_air=rotating_air)
+        return normal_equations_of(evidence, library.settings)
+
+    return on_each(source, flights, of)

@@ -1,19 +1,22 @@
 """What the closed loop needs of flights, wherever they are kept: a store, or memory."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
 from aerodb.consistency import StateNoise
-from aerodb.effects import FlightView
+from aerodb.effects import FlightView, Hypothesis
 from aerodb.flight import Flight
 from aerodb.increments import NoiseFloor
 from aerodb.loop.frozen_library import Library
+from aerodb.support import Array, in_processes
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import FlightNormalEquations
 from aerodb.vehicle import Vehicle
+
+Result = TypeVar("Result")
 
 
 @dataclass(frozen=True)
@@ -79,19 +82,27 @@ class FlightSource(Protocol):
         """
         ...
 
-    def noise_floor(self, flight: str, database: AeroDatabase) -> Mapping[str, NoiseFloor]:
-        """Return axis -> error that remains on a flight if a database is right, dimensionless:
-        `aerodb.loop.noise_floor_of`."""
+    def noise_floors(
+        self, flights: Sequence[str], database: AeroDatabase
+    ) -> dict[str, Mapping[str, NoiseFloor]]:
+        """Return flight (id) -> axis -> error that remains if a database is right, dimensionless:
+        `aerodb.loop.noise_floors_of`."""
+        ...
+
+    def error_columns(
+        self, flight: str, database: AeroDatabase, sensor: Hypothesis
+    ) -> Mapping[str, Array]:
+        """Return axis -> what a unit error of a sensor adds to the measured coefficients (n,) of a
+        flight compared with a database, per SI unit of the error."""
         ...
 
     def normal_equations(
-        self, flight: str, database: AeroDatabase, library: Library
-    ) -> FlightNormalEquations:
-        """Return the normal equations of a flight compared with a database, for all columns of the
-        library.
+        self, flights: Sequence[str], database: AeroDatabase, library: Library
+    ) -> list[FlightNormalEquations]:
+        """Return the normal equations of flights compared with a database, for all columns of the
+        library: `aerodb.loop.normal_equations_beside`.
 
-        `aerodb.tracing.normal_equations_of` of what `aerodb.loop.evidence_beside` returns. The
-        matrix is (k, k), dimensionless or per unit of the parameters.
+        Each matrix is (k, k), dimensionless or per unit of the parameters.
         """
         ...
 
@@ -102,3 +113,18 @@ class FlightSource(Protocol):
         None where none of them was traced before with another library.
         """
         ...
+
+
+def on_each(
+    source: FlightSource, flights: Sequence[str], function: Callable[[str], Result]
+) -> list[Result]:
+    """Return `function` of each flight (its id), in order, from forks where this process may be
+    forked (`in_processes`).
+
+    Flights are loaded here: what a fork loads is lost with it. Raises InputError where a flight
+    lacks what is needed.
+    """
+    for flight in flights:
+        source.reconstruction(flight)
+        source.flight(flight)
+    return in_processes(function, flights)

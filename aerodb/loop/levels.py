@@ -19,7 +19,6 @@ from aerodb.increments import NoiseFloor
 from aerodb.loop.between_flights import conditions_of
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.noise_floor import noise_floors
 from aerodb.nomenclature import AXES
 from aerodb.signals import rms
 from aerodb.support import DIFFERENCE, HINT, SUBSTANTIAL, TWO_SIDED, Array
@@ -113,7 +112,7 @@ def unexplained_levels(
         level, error = float(means.mean()), rms(np.concatenate(residuals))
         if rms(means) ** 2 <= _SHARE * error**2:
             continue
-        floors = floors or noise_floors(source, flights, candidate)
+        floors = floors or source.noise_floors(flights, candidate)
         floor = rms(np.array([each[axis].total for each in floors.values() if axis in each]))
         if rms(means) <= _FLOORS * floor:
             continue
@@ -125,7 +124,7 @@ def unexplained_levels(
         told = rms(means) if conditions else abs(level)
         if told**2 <= _SHARE * error**2 or told <= _FLOORS * floor:
             continue
-        normal_equations = [source.normal_equations(id, candidate, library) for id in flights]
+        normal_equations = source.normal_equations(flights, candidate, library)
         tests = cross_flight_tests(normal_equations, library.hypotheses, library.settings)
         rivals = () if conditions else _rivals(axis, level, views, tests)
         share = told**2 / error**2

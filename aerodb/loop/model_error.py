@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from aerodb.effects import WIND_TO_BODY_AXES
-from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.flight_source import FlightSource, on_each
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.rounds import LoopResult
 from aerodb.loop.shapes import shape_variables
@@ -43,7 +43,7 @@ def with_model_error(
         view = source.view(flight, loop.candidate, settings.bandwidth)
         return FlightResidual(evidence_of(view, []), shape_variables(view))
 
-    errors = model_errors([residual(flight) for flight in flights], axes, settings)
+    errors = model_errors(on_each(source, flights, residual), axes, settings)
     known = {hypothesis.id: hypothesis for hypothesis in library.hypotheses}
     between = {
         (axis, regressor): between_flights(finding)

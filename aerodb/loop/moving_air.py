@@ -9,17 +9,15 @@ from typing import Final
 
 import numpy as np
 
-from aerodb.loop.evidence import evidence_beside, noise_within_limits
-from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.evidence import noise_within_limits, normal_equations_beside
+from aerodb.loop.flight_source import FlightSource, on_each
 from aerodb.loop.frozen_library import Library
 from aerodb.support import HALF
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import (
-    FlightNormalEquations,
     Traced,
     driven_by_rates,
     lost_in_rotating_air,
-    normal_equations_of,
     only_suspected,
     roll_rates,
     trace,
@@ -50,7 +48,7 @@ def rolling_share(
         span, band = source.vehicle.reference.span, library.settings.bandwidth
         return (0.0, 0.0) if noise is None else roll_rates(noise, view.recorded, span, band)
 
-    air, own = np.linalg.norm([rates(flight) for flight in flights], axis=0)
+    air, own = np.linalg.norm(on_each(source, flights, rates), axis=0)
     return float(air / own) if own > 0.0 else 0.0
 
 
@@ -90,12 +88,9 @@ def beside_rotating_air(
     if not examined:
         return traced
     settings = library.settings
-
-    def beside(flight: str) -> FlightNormalEquations:
-        evidence = evidence_beside(source, flight, database, library, rotating_air=True)
-        return normal_equations_of(evidence, settings)
-
-    normal_equations = [beside(flight) for flight in traced.flights]
+    normal_equations = normal_equations_beside(
+        source, traced.flights, database, library, rotating_air=True
+    )
     lost = examined & lost_in_rotating_air(
         traced.findings, normal_equations, library.hypotheses, settings, earlier
     )

@@ -16,7 +16,7 @@ from aerodb.effects import view_of
 from aerodb.flight import Flight
 from aerodb.increments import NoiseFloor
 from aerodb.loop.consider import stated_consider_parameters
-from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.flight_source import FlightSource, on_each
 from aerodb.signals import rms
 from aerodb.support import Array
 from aerodb.tables import AeroDatabase
@@ -29,12 +29,13 @@ _DRAWS: Final = 2
 _MOST: Final = 6000
 
 
-def noise_floors(
+def noise_floors_of(
     source: FlightSource, flights: Sequence[str], database: AeroDatabase
 ) -> dict[str, Mapping[str, NoiseFloor]]:
     """Return flight (id) -> axis -> error that remains if `database` is right, dimensionless; see
     `noise_floor_of`."""
-    return {id: source.noise_floor(id, database) for id in flights}
+    floors = on_each(source, flights, lambda flight: noise_floor_of(source, flight, database))
+    return dict(zip(flights, floors, strict=True))
 
 
 def noise_floor_of(

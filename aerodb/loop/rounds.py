@@ -385,7 +385,7 @@ def _traced(
     known_before: frozenset[str] | None,
 ) -> tuple[Traced, tuple[str, ...]]:
     """Trace whole flights with a database; and what a reader must know of the result."""
-    normal_equations = [source.normal_equations(flight, database, library) for flight in flights]
+    normal_equations = source.normal_equations(flights, database, library)
     earlier = {finding.hypothesis: finding.value for finding in added}
     traced = trace(normal_equations, library.hypotheses, library.settings, earlier)
     traced = beside_rotating_air(source, traced, database, library, earlier)

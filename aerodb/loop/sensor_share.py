@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
-from aerodb.effects import with_wind
 from aerodb.flight import Flight
 from aerodb.loop.flight_source import FlightSource, ReconstructionErrors
 from aerodb.loop.frozen_library import Library
@@ -87,7 +86,7 @@ def _shares(
     sensors: Mapping[str, float],
 ) -> dict[str, Mapping[str, Array]]:
     """Return flight (id) -> axis -> what these sensors (id -> error, SI) add to the measured
-    coefficients (n,): of the loads as measured, so that what the database lacks is no part of it.
+    coefficients (n,).
 
     Raises InputError where a flight lacks what is needed.
     """
@@ -95,11 +94,9 @@ def _shares(
 
     def one(flight: str) -> Mapping[str, Array]:
         share = dict[str, Array]()
-        if found:
-            view = source.view(flight, database).as_measured()
-            for hypothesis, value in found:
-                for axis, column in with_wind(view, hypothesis.columns(view)).items():
-                    share[axis] = share.get(axis, 0.0) + value * column
+        for sensor, value in found:
+            for axis, column in source.error_columns(flight, database, sensor).items():
+                share[axis] = share.get(axis, 0.0) + value * column
         return share
 
     return {flight: one(flight) for flight in flights}

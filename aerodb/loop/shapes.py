@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence, Set
 from typing import Final
 
 from aerodb.effects import FlightView, Hypothesis, surfaces_of
-from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.flight_source import FlightSource, on_each
 from aerodb.loop.frozen_library import Library
 from aerodb.support import Array
 from aerodb.tables import HAT_RATES, AeroDatabase
@@ -74,7 +74,7 @@ def _residuals(
         view = source.view(id, database, library.settings.bandwidth)
         return FlightResidual(evidence_of(view, columns), shape_variables(view))
 
-    return [residual(id) for id in flights]
+    return on_each(source, flights, residual)
 
 
 def shape_variables(view: FlightView) -> dict[str, Array]:

@@ -12,7 +12,7 @@ import numpy as np
 from aerodb.effects import FlightView, view_of
 from aerodb.increments import UNCHANGED
 from aerodb.loop.evidence import copies_with_noise
-from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.flight_source import FlightSource, on_each
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.shapes import shape_variables
 from aerodb.tables import HAT_RATES, AeroDatabase
@@ -64,11 +64,11 @@ def unexplained_residuals(
         )
         return [beside(view_of(*copy, candidate, source.vehicle)) for copy in copies]
 
-    residuals = [left(id) for id in flights]
+    residuals = on_each(source, flights, left)
     found = material(unexplained_by_axis(residuals, settings), residuals)
     if not any(each.found for each in found):
         return found
-    copies = list(zip(*(noisier(id) for id in flights), strict=False))
+    copies = list(zip(*on_each(source, flights, noisier), strict=False))
     noisy = [unexplained_by_axis(copy, settings) for copy in copies]
     return without_state_noise(found, noisy, settings) if noisy else found
 

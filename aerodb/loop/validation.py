@@ -15,9 +15,8 @@ from aerodb.increments import (
     validate_on_held_out,
 )
 from aerodb.loop.accept import Accept
-from aerodb.loop.flight_source import FlightSource
+from aerodb.loop.flight_source import FlightSource, on_each
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.noise_floor import noise_floors
 from aerodb.loop.rounds import LoopResult, run_loop
 from aerodb.loop.sensor_share import beside_sensors, compared_with, found_sensors
 from aerodb.loop.stall import added_stall
@@ -56,9 +55,9 @@ def validate_loop(
     )
     if hold_out.kind != "cross-validated":
         predictors.update(dict.fromkeys(hold_out.held_out, loop.candidate))
-        floors = noise_floors(source, hold_out.held_out or flights, loop.candidate)
+        floors = source.noise_floors(hold_out.held_out or flights, loop.candidate)
         return validate_on_held_out(before, after, hold_out, floors)
-    floors = noise_floors(source, flights, loop.candidate)
+    floors = source.noise_floors(flights, loop.candidate)
     if loop.separates:
 
         def from_others(left_out: str) -> Comparison:
@@ -70,25 +69,25 @@ def validate_loop(
     if loop.by_manoeuvre:
         return validated_within_flights(beside, library, loop, before, after, floors)
 
-    def without(left_out: str) -> Comparison:
+    def without(left_out: str) -> AeroDatabase:
         others = tuple(flight for flight in hold_out.identified if flight != left_out)
         if len(others) < library.settings.fewest and not loop.axis_models:
             names = [finding.hypothesis for finding in loop.added]
-            other = estimated_without(beside, library, loop.baseline, names, others, {})
-        else:
-            other = run_loop(
-                source,
-                others,
-                loop.baseline,
-                library,
-                accept,
-                loop.without_gain,
-                [term for model in loop.axis_models for term in model.terms],
-            ).candidate
-        predictors[left_out] = other
-        return beside.comparison(left_out, other)
+            return estimated_without(beside, library, loop.baseline, names, others, {})
+        return run_loop(
+            source,
+            others,
+            loop.baseline,
+            library,
+            accept,
+            loop.without_gain,
+            [term for model in loop.axis_models for term in model.terms],
+        ).candidate
 
-    return validate_by_leaving_one_out(before, after, without, floors)
+    predictors.update(zip(before, on_each(source, tuple(before), without), strict=True))
+    return validate_by_leaving_one_out(
+        before, after, lambda id: beside.comparison(id, predictors[id]), floors
+    )
 
 
 def until_all_gain(

@@ -2,14 +2,15 @@
 
 from collections.abc import Mapping, Sequence
 
-from aerodb.effects import FlightView, view_of
+from aerodb.effects import FlightView, Hypothesis, error_columns_of, view_of
 from aerodb.increments import NoiseFloor
-from aerodb.loop.evidence import evidence_beside
+from aerodb.loop.evidence import normal_equations_beside
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
-from aerodb.loop.noise_floor import noise_floor_of
+from aerodb.loop.noise_floor import noise_floors_of
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase
-from aerodb.tracing import FlightNormalEquations, normal_equations_of, thinned
+from aerodb.tracing import FlightNormalEquations, thinned
 
 
 class WithoutStore:
@@ -26,20 +27,26 @@ class WithoutStore:
             given = thinned(*given, bandwidth)
         return view_of(*given, database, self.vehicle)
 
-    def noise_floor(
-        self: FlightSource, flight: str, database: AeroDatabase
-    ) -> Mapping[str, NoiseFloor]:
-        """Return axis -> error that remains on a flight if a database is right, dimensionless."""
-        return noise_floor_of(self, flight, database)
+    def noise_floors(
+        self: FlightSource, flights: Sequence[str], database: AeroDatabase
+    ) -> dict[str, Mapping[str, NoiseFloor]]:
+        """Return flight (id) -> axis -> error that remains if a database is right,
+        dimensionless."""
+        return noise_floors_of(self, flights, database)
+
+    def error_columns(
+        self: FlightSource, flight: str, database: AeroDatabase, sensor: Hypothesis
+    ) -> Mapping[str, Array]:
+        """Return axis -> what a unit error of a sensor adds to the measured coefficients (n,), per
+        SI unit of the error."""
+        return error_columns_of(self.view(flight, database), sensor)
 
     def normal_equations(
-        self: FlightSource, flight: str, database: AeroDatabase, library: Library
-    ) -> FlightNormalEquations:
-        """Return the normal equations of a flight compared with a database: `matrix` (k, k),
+        self: FlightSource, flights: Sequence[str], database: AeroDatabase, library: Library
+    ) -> list[FlightNormalEquations]:
+        """Return the normal equations of flights compared with a database: `matrix` (k, k),
         whitened. Raises InputError where no axis is usable."""
-        return normal_equations_of(
-            evidence_beside(self, flight, database, library), library.settings
-        )
+        return normal_equations_beside(self, flights, database, library)
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
         """Return None: flights of which nothing is kept were not traced before."""

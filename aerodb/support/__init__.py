@@ -14,7 +14,8 @@
   (`shares`).
 - `require_supported_system`: an error in words on systems that are not Linux (`operating_system`).
 - `counted`: a number of things in words (`words`).
-- `in_threads` and `Threads`: one function over many items on all cores (`parallel`).
+- `in_threads`, `Threads` and `in_processes`: one function over many items on all cores
+  (`parallel`).
 """
 
 from typing import TYPE_CHECKING
@@ -47,7 +48,7 @@ if TYPE_CHECKING:
     from .identity import canonical_json, content_sha256, key_of, result_key, version_id
     from .mat5 import MOST_EXPANSION, Malformed, MatClass, MatElements, MatHeader, is_mat5
     from .operating_system import require_supported_system
-    from .parallel import Threads, in_threads, one_blas_thread
+    from .parallel import Threads, in_processes, in_threads, let_fork, one_blas_thread
     from .shares import (
         HALF,
         LARGE,

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from .advance import FLOWS, Due, due, parameters_of
     from .calibration import bind, calibrate
     from .close_loop import (
+        in_own_process,
         prove_loop,
         run_loop,
         what_differs,

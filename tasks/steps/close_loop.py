@@ -1,7 +1,14 @@
 """The closed loop: its rounds, their validation, what stays unexplained, and what differs between
-flights."""
+flights.
 
+Long flights are worked on in a process that is forked from one without threads, so that it can be
+forked in turn: one per core (`aerodb.support.in_processes`). It remembers the flights of its run.
+"""
+
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any, Concatenate, Final, ParamSpec, TypeVar
 
 from aerodb.increments import AxisValidation, Beyond
 from aerodb.loop import (
@@ -19,11 +26,75 @@ from aerodb.loop import (
     with_model_error,
 )
 from aerodb.loop import run_loop as run_rounds
+from aerodb.storage.workspace_settings import load_settings
 from aerodb.tables import AeroDatabase
-from aerodb.tasks.steps.loop_flights import flights_of
+from aerodb.tasks.steps.loop_flights import StoredFlights, flights_of
 from aerodb.tasks.steps.update import UpdatePlan
+from aerodb.tasks.workers import confined, start_workers
 from aerodb.tasks.workspace_access import access_workspace
 from aerodb.tracing import FlightDependence, UnexplainedResidual
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
+#: What a step of the loop does on the flights of a plan.
+OnFlights = Callable[Concatenate[StoredFlights, UpdatePlan, Given], Result]
+
+#: Samples of all flights together from which a process that can be forked saves more than it takes
+#: to start: a second, as much as the loop takes for that many.
+_WORTH: Final = 100_000
+#: Modules that this process imports before it is forked.
+_NEEDS: Final = ("aerodb.tasks.steps.close_loop",)
+#: Memory that the process may take [bytes]: any, as the loop in the run's own process.
+_ANY: Final = 2**60
+
+
+def in_own_process(flights: Sequence[str], *, workspace: str) -> bool:
+    """Return whether the loop over these flights (ids) is worth a process of its own, in which the
+    steps of this module run; the process that forks it is then started in the background."""
+    rows = access_workspace(workspace).catalogue.flights_by_id(flights).values()
+    work = load_settings(Path(workspace)).work
+    if sum(row.samples for row in rows) < _WORTH or work.engine != "threads" or not work.confined:
+        return False
+    start_workers((), _NEEDS)
+    return True
+
+
+def _on_flights(
+    function: OnFlights[Given, Result],
+    plan: UpdatePlan,
+    workspace: str,
+    run: str,
+    *given: Given.args,
+    **none: Given.kwargs,
+) -> Result:
+    """Return ``function(source, plan, *given)``, from a process of its own where that is worth
+    it."""
+    hold_out = plan.hold_out
+    if not in_own_process((*hold_out.identified, *hold_out.held_out), workspace=workspace):
+        return _here(function, plan, workspace, run, *given)
+    limits = load_settings(Path(workspace)).limits
+    longest = {"memory": _ANY, "processor": limits.step, "wall": limits.step}
+    result: Result = confined(
+        _here,
+        function,
+        plan,
+        workspace,
+        run,
+        *given,
+        workspace=workspace,
+        flight=f"run {run}",
+        what="the closed loop",
+        where=f"vehicle {plan.vehicle}",
+        needs=_NEEDS,
+        limits=limits.model_copy(update=longest),
+    )
+    return result
+
+
+def _here(
+    function: Callable[..., Result], plan: UpdatePlan, workspace: str, run: str, *given: Any
+) -> Result:
+    return function(flights_of(workspace, plan.vehicle, run, plan.select), plan, *given)
 
 
 def run_loop(
@@ -40,10 +111,17 @@ def run_loop(
 
     without_gain : hypotheses that stay out, because their addition proved no gain.
     """
-    source, baseline = (
-        flights_of(workspace, plan.vehicle, run, plan.select),
-        access_workspace(workspace).database(plan.baseline),
-    )
+    return _on_flights(_rounds, plan, workspace, run, library, accept, without_gain)
+
+
+def _rounds(
+    source: StoredFlights,
+    plan: UpdatePlan,
+    library: Library,
+    accept: Accept,
+    without_gain: frozenset[str],
+) -> LoopResult:
+    baseline = source.access.database(plan.baseline)
     return run_rounds(source, plan.hold_out.identified, baseline, library, accept, without_gain)
 
 
@@ -62,7 +140,12 @@ def prove_loop(
 
     Below five flights, each flight is predicted from the others.
     """
-    source = flights_of(workspace, plan.vehicle, run, plan.select)
+    return _on_flights(_proof, plan, workspace, run, library, loop, accept)
+
+
+def _proof(
+    source: StoredFlights, plan: UpdatePlan, library: Library, loop: LoopResult, accept: Accept
+) -> tuple[tuple[AxisValidation, ...], tuple[Beyond, ...], tuple[StallWindow, ...]]:
     predictors: dict[str, AeroDatabase] = {}
     proof = validate_loop(source, plan.hold_out, library, loop, accept, predictors)
     beyond = outside_envelopes(source, predictors)
@@ -79,12 +162,13 @@ def what_is_left(
 
     Empty if there are fewer flights than the test needs.
     """
-    return unexplained_residuals(
-        flights_of(workspace, plan.vehicle, run, plan.select),
-        plan.hold_out.identified,
-        loop.candidate,
-        library,
-    )
+    return _on_flights(_unexplained, plan, workspace, run, library, loop)
+
+
+def _unexplained(
+    source: StoredFlights, plan: UpdatePlan, library: Library, loop: LoopResult
+) -> tuple[UnexplainedResidual, ...]:
+    return unexplained_residuals(source, plan.hold_out.identified, loop.candidate, library)
 
 
 def which_levels_stay(
@@ -92,12 +176,13 @@ def which_levels_stay(
 ) -> tuple[UnexplainedLevel, ...]:
     """Return the large constants, dimensionless, that the identification flights share beside the
     candidate (docs/method/tracing.md, section 14)."""
-    return unexplained_levels(
-        flights_of(workspace, plan.vehicle, run, plan.select),
-        plan.hold_out.identified,
-        loop.candidate,
-        library,
-    )
+    return _on_flights(_levels, plan, workspace, run, library, loop)
+
+
+def _levels(
+    source: StoredFlights, plan: UpdatePlan, library: Library, loop: LoopResult
+) -> tuple[UnexplainedLevel, ...]:
+    return unexplained_levels(source, plan.hold_out.identified, loop.candidate, library)
 
 
 def with_bands(
@@ -105,10 +190,14 @@ def with_bands(
 ) -> LoopResult:
     """Return the loop with the errors of its shapes, and the scatter between flights, in the bands
     of what it added; values stay, in SI units; see `with_model_error`."""
-    source = flights_of(workspace, plan.vehicle, run, plan.select)
-    return replace(
-        loop, candidate=with_model_error(source, plan.hold_out.identified, loop, library)
-    )
+    return _on_flights(_banded, plan, workspace, run, library, loop)
+
+
+def _banded(
+    source: StoredFlights, plan: UpdatePlan, library: Library, loop: LoopResult
+) -> LoopResult:
+    candidate = with_model_error(source, plan.hold_out.identified, loop, library)
+    return replace(loop, candidate=candidate)
 
 
 def what_differs(
@@ -119,5 +208,10 @@ def what_differs(
 
     Empty below five flights, or where these have the same conditions.
     """
-    source = flights_of(workspace, plan.vehicle, run, plan.select)
+    return _on_flights(_differences, plan, workspace, run, library, loop)
+
+
+def _differences(
+    source: StoredFlights, plan: UpdatePlan, library: Library, loop: LoopResult
+) -> tuple[FlightDependence, ...]:
     return dependences_between_flights(source, plan.hold_out.identified, library, loop)

@@ -1,18 +1,22 @@
 """Flights of a workspace as a source for the closed loop; missing results are computed and
 stored."""
 
+import os
 from collections.abc import Callable, Hashable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import partial
+from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment, selected
-from aerodb.effects import FlightView, view_of
+from aerodb.effects import FlightView, Hypothesis, error_columns_of, view_of
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.increments import NoiseFloor
-from aerodb.loop import Library, ReconstructionErrors, evidence_beside, noise_floor_of
+from aerodb.loop import Library, ReconstructionErrors, noise_floors_of, normal_equations_beside
 from aerodb.storage.files import read_normal_equations, write_normal_equations
+from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
 from aerodb.tasks.steps.compare import compare_loaded
@@ -27,7 +31,7 @@ from aerodb.tasks.steps.segments import segments_of
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workers import cached, file_key
 from aerodb.tasks.workspace_access import WorkspaceAccess, access_workspace
-from aerodb.tracing import FlightNormalEquations, normal_equations_of, thinned
+from aerodb.tracing import FlightNormalEquations, thinned
 from aerodb.vehicle import Vehicle
 
 Value = TypeVar("Value")
@@ -59,10 +63,19 @@ class StoredFlights:
     of the samples that count (`aerodb.conditioning.selected`).
     """
 
-    access: WorkspaceAccess
+    opened: WorkspaceAccess
     vehicle_name: str
     run: str
     select: tuple[str, ...] = ()
+    process: int = field(default_factory=os.getpid, init=False, repr=False)
+
+    @property
+    def access(self) -> WorkspaceAccess:
+        """The workspace; a fork of the process that opened its catalogue has a connection of its
+        own."""
+        if os.getpid() == self.process:
+            return self.opened
+        return access_workspace(str(self.opened.workspace.root))
 
     @property
     def vehicle(self) -> Vehicle:
@@ -71,7 +84,7 @@ class StoredFlights:
         return self._once(lambda: self.access.vehicle(self.vehicle_name)[0], "vehicle")
 
     def _once(self, make: Callable[[], Value], *what: Hashable) -> Value:
-        where = str(self.access.workspace.root)
+        where = str(self.opened.workspace.root)
         return cached((where, self.vehicle_name, self.run, self.select, *what), make)
 
     def _loaded(self, flight: str) -> FlightCoefficients:
@@ -132,24 +145,54 @@ class StoredFlights:
             )
         return view_of(*given, database, self.vehicle)
 
-    def noise_floor(self, flight: str, database: AeroDatabase) -> Mapping[str, NoiseFloor]:
-        """Return axis -> error that remains on a flight if a database is right, dimensionless; what
-        several steps of a run ask is calculated once."""
+    def noise_floors(
+        self, flights: Sequence[str], database: AeroDatabase
+    ) -> dict[str, Mapping[str, NoiseFloor]]:
+        """Return flight (id) -> axis -> error that remains if a database is right, dimensionless;
+        what several steps of a run ask is calculated once."""
         return self._once(
-            lambda: noise_floor_of(self, flight, database),
-            "noise floor",
-            flight,
+            lambda: noise_floors_of(self, flights, database),
+            "noise floors",
+            tuple(flights),
             database_document_sha256(database),
         )
 
+    def error_columns(
+        self, flight: str, database: AeroDatabase, sensor: Hypothesis
+    ) -> Mapping[str, Array]:
+        """Return axis -> what a unit error of a sensor adds to the measured coefficients (n,), per
+        SI unit of the error; what several steps of a run ask is calculated once."""
+        return self._once(
+            lambda: error_columns_of(self.view(flight, database), sensor),
+            "error columns",
+            flight,
+            database_document_sha256(database),
+            sensor.id,
+        )
+
     def normal_equations(
-        self, flight: str, database: AeroDatabase, library: Library
-    ) -> FlightNormalEquations:
-        """Return the normal equations of a flight; read back if stored, else computed and stored.
+        self, flights: Sequence[str], database: AeroDatabase, library: Library
+    ) -> list[FlightNormalEquations]:
+        """Return the normal equations of flights; read back if stored, else computed and stored.
 
         Matrices (k, k). Raises UnknownNameError for an unknown flight, InputError as
         `load_coefficients` does.
         """
+        results = {flight: self._stored(flight, database, library) for flight in flights}
+        paths = {flight: result.stored() for flight, result in results.items()}
+        missing = [flight for flight in results if paths[flight] is None]
+        made = dict(
+            zip(missing, normal_equations_beside(self, missing, database, library), strict=True)
+        )
+        for flight, equations in made.items():
+            results[flight].keep(self.run, partial(write_normal_equations, equations=equations))
+        return [
+            made[flight] if (path := paths[flight]) is None else _equations(path)
+            for flight in flights
+        ]
+
+    def _stored(self, flight: str, database: AeroDatabase, library: Library) -> StoredResult:
+        """Where the normal equations of a flight are, or will be."""
         inputs = {
             "coefficients": self._loaded(flight).key,
             "database": database_document_sha256(database),
@@ -161,15 +204,7 @@ class StoredFlights:
             settings["stall"] = str(library.stall[flight])
         if flight in library.lift_hysteresis:
             settings["loop"] = str(library.lift_hysteresis[flight])
-        result = StoredResult(self.access, _STORED, _STORED, inputs, settings, flight=flight)
-        path = result.stored()
-        if path is not None:
-            return cached(file_key(path), lambda: read_normal_equations(path))
-        equations = normal_equations_of(
-            evidence_beside(self, flight, database, library), library.settings
-        )
-        result.keep(self.run, lambda path: write_normal_equations(path, equations))
-        return equations
+        return StoredResult(self.access, _STORED, _STORED, inputs, settings, flight=flight)
 
     def looked_before(self, flights: Sequence[str], library: Library) -> frozenset[str] | None:
         """Return the hypotheses that earlier libraries tested on all these flights, from stored
@@ -183,6 +218,10 @@ class StoredFlights:
                     )
                     known = ids if known is None else known & ids
         return known
+
+
+def _equations(path: Path) -> FlightNormalEquations:
+    return cached(file_key(path), lambda: read_normal_equations(path))
 
 
 def flights_of(workspace: str, vehicle: str, run: str, select: Sequence[str] = ()) -> StoredFlights:

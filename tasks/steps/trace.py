@@ -61,4 +61,6 @@ def trace_flight(
     Reads coefficients and vehicle. Matrices (k, k). Raises UnknownNameError for an unknown id.
     """
     vehicle = access_workspace(workspace).catalogue.flight(flight).vehicle
-    return flights_of(workspace, vehicle, run, select).normal_equations(flight, database, library)
+    return flights_of(workspace, vehicle, run, select).normal_equations(
+        [flight], database, library
+    )[0]

@@ -20,6 +20,7 @@ from aerodb.errors import CalculationError, StoreBusyError, StoreError, failing_
 from aerodb.storage.confinement import environment_memory, how_it_ended
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace_settings import load_settings
+from aerodb.support import let_fork
 from aerodb.tasks.actors import Actor, acting
 from aerodb.tasks.workers.beginning import SCIENCE, Server, forget, server
 
@@ -34,9 +35,10 @@ _inside = False
 
 
 def become_worker() -> None:
-    """Let this process, a fork, do its work itself."""
+    """Let this process, a fork without other threads, do its work itself, on all cores."""
     global _inside
     _inside = True
+    let_fork()
 
 
 @dataclass(frozen=True)
@@ -78,8 +80,10 @@ def confined(
     what: str,
     where: str,
     needs: tuple[str, ...] = SCIENCE,
+    limits: Limits | None = None,
 ) -> Result:
-    """Return ``function(*arguments)``, run in a worker process under the limits of the workspace.
+    """Return ``function(*arguments)``, run in a worker process under the limits of the workspace,
+    or other `limits`.
 
     function : of a module, with arguments and a result that pickle takes; what is large goes
     through the store. flight : its id, or the hash of its log. what, where : the work ("the
@@ -92,7 +96,8 @@ def confined(
     if _inside or not settings.work.confined or not hasattr(os, "fork"):
         with failing_alone(what, where, memory=True):
             return function(*arguments)
-    job = Job(function, arguments, settings.limits, flight, what, where, needs=needs)
+    limits = limits or settings.limits
+    job = Job(function, arguments, limits, flight, what, where, needs=needs)
     result: Result = done(job)
     return result
 

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from aerodb.effects import SURFACE_MOTION, Hypothesis
-from aerodb.support import HALF, Array
+from aerodb.support import HALF, Array, in_processes
 from aerodb.tables import HAT_RATES
 from aerodb.tracing.decision.axis_products import AxisProducts
 from aerodb.tracing.decision.explanation_sets import LOST
@@ -81,14 +81,15 @@ def with_checked_shapes(
     if len(flights) < FEWEST_SHAPED or not judged:
         return tuple(findings)
     shapes = _Shapes.of(flights, [f.hypothesis for f in findings], hypotheses, settings)
-    changed = {}
-    for finding in judged:
+
+    def checked(finding: Finding) -> Finding:
         if finding.verdict == "sensor":
-            changed[finding.hypothesis] = shapes.sensor(finding)
-        elif finding.effect == OFFSET:
-            changed[finding.hypothesis] = shapes.constant(finding)
-        elif shapes.observed(finding):
-            changed[finding.hypothesis] = shapes.term(finding)
+            return shapes.sensor(finding)
+        if finding.effect == OFFSET:
+            return shapes.constant(finding)
+        return shapes.term(finding) if shapes.observed(finding) else finding
+
+    changed = {finding.hypothesis: finding for finding in in_processes(checked, judged)}
     return tuple(changed.get(f.hypothesis, f) for f in findings)
 
 

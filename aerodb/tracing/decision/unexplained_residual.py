@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import stdtr
 
 from aerodb.errors import InputError
-from aerodb.support import NOTABLE, Array
+from aerodb.support import NOTABLE, Array, in_processes
 from aerodb.tracing.decision.functions import BasisFunctions, FunctionProblem, functions_of
 from aerodb.tracing.decision.residual_records import FlightResidual, ResidualRecord, records_in_band
 from aerodb.tracing.decision.ridge_model import (
@@ -106,17 +106,18 @@ def unexplained_by_axis(
         axis: ridge_problem(records, features[variables_of(records)], settings.inflation_limit)
         for axis, records in parts.items()
     }
-    judged = {axis: left_out_skills(problem) for axis, problem in problems.items()}
+    judged = dict(zip(problems, in_processes(left_out_skills, problems.values()), strict=True))
     # functions of one or two variables need less data than all together; each test has half the
     # level
     shared: dict[tuple[int, ...], BasisFunctions] = {}
     for records in parts.values():
         if variables_of(records) not in shared:
             shared[variables_of(records)] = _functions(records, [*names, *more], few_names)
-    few = {
-        axis: _few(records, shared[variables_of(records)], settings.inflation_limit)
-        for axis, records in parts.items()
-    }
+
+    def by_few(records: Sequence[ResidualRecord]) -> tuple[Array, tuple[str, ...]]:
+        return _few(records, shared[variables_of(records)], settings.inflation_limit)
+
+    few = dict(zip(parts, in_processes(by_few, parts.values()), strict=True))
     p = [_one_sided(skills) for skills, *_ in (*judged.values(), *few.values())]
     rows = range(len(parts))
     adjusted = by_families(np.array(p), [rows, [len(parts) + row for row in rows]])
