@@ -1,5 +1,7 @@
 """Closed-loop flow: trace residuals to missing effects, add these, and validate the candidate."""
 
+from importlib import import_module
+from threading import Thread
 from typing import Any
 
 from aerodb.errors import InputError
@@ -104,7 +106,9 @@ def close_loop_flow(
         freeze_library, plan, **where, effects=effects, expected=library, measured=measured or []
     )
     accept.check(frozen)
-    if not apart:
+    if apart:  # meanwhile this process imports what the page needs
+        Thread(target=import_module, args=("aerodb.report.update_page",), daemon=True).start()
+    else:
         # The first round's normal equations do not depend on each other.
         steps.each(
             trace_flight,

@@ -7,7 +7,7 @@ import pytest
 
 from aerodb.coefficients import compare, total_coefficients
 from aerodb.consistency import StateNoise
-from aerodb.loop import ReconstructionErrors, noise_floors
+from aerodb.loop import ReconstructionErrors, noise_floors_of
 from aerodb.signals import rms
 from aerodb.vehicle import Sensor, with_measured
 from tests.aerodb.loop.test_axis_models import database, flights
@@ -43,9 +43,9 @@ def slope(source: FlightsInMemory, id: str) -> float:
 def test_a_known_error_of_alpha_is_its_slope_times_the_error(source: FlightsInMemory) -> None:
     """Both parts are ERROR rms: together sqrt(2) of it; two draws of the noise give it to a fifth."""
     known, (id, *_) = Known(source.vehicle, source.flown), tuple(source.flown)
-    white = noise_floors(source, [id], database(1.0))[id]["Cm"].total
+    white = noise_floors_of(source, [id], database(1.0))[id]["Cm"].total
     expected = ERROR * slope(source, id)
-    floor = noise_floors(known, [id], database(1.0))[id]["Cm"].total
+    floor = noise_floors_of(known, [id], database(1.0))[id]["Cm"].total
     assert expected > 3.0 * white
     assert floor == pytest.approx(np.sqrt(2.0) * expected, rel=0.2)
 
@@ -53,7 +53,7 @@ def test_a_known_error_of_alpha_is_its_slope_times_the_error(source: FlightsInMe
 def test_without_a_reconstruction_the_floor_is_the_sensors_noise(source: FlightsInMemory) -> None:
     id = next(iter(source.flown))
     beside = source.comparison(id, database(1.0))
-    floors = noise_floors(source, [id], database(1.0))[id]
+    floors = noise_floors_of(source, [id], database(1.0))[id]
     assert floors["Cm"].level == 0.0
     assert floors["Cm"].shape == pytest.approx(rms(beside.sigma["Cm"][beside.usable["Cm"]]))
 
@@ -72,8 +72,8 @@ def test_the_stated_noise_of_a_deflection_is_felt_by_the_prediction_alone(
     expected = rms((beside.residual("Cm") - clean.residual("Cm"))[clean.usable["Cm"]])
     sensors = {**source.vehicle.sensors, name: Sensor(noise=ERROR)}
     stated = source.vehicle.model_copy(update={"sensors": sensors})
-    floor = noise_floors(FlightsInMemory(stated, source.flown), [id], database(1.0))[id]["Cm"]
-    assert expected > 2.0 * noise_floors(source, [id], database(1.0))[id]["Cm"].total
+    floor = noise_floors_of(FlightsInMemory(stated, source.flown), [id], database(1.0))[id]["Cm"]
+    assert expected > 2.0 * noise_floors_of(source, [id], database(1.0))[id]["Cm"].total
     assert floor.total == pytest.approx(expected, rel=0.1)
 
 
@@ -90,9 +90,9 @@ def test_the_stated_error_of_the_cg_is_in_the_floor(source: FlightsInMemory) -> 
         compare(flight, total_coefficients(flight, each), whole, vehicle.reference)
         for each in (vehicle, moved)
     )
-    plain = noise_floors(source, [id], whole)[id]
+    plain = noise_floors_of(source, [id], whole)[id]
     stated = with_measured(vehicle, [f"cg_x={sigma} m"])
-    floors = noise_floors(FlightsInMemory(stated, source.flown), [id], whole)[id]
+    floors = noise_floors_of(FlightsInMemory(stated, source.flown), [id], whole)[id]
     change = (there.residual("Cm") - here.residual("Cm"))[here.usable["Cm"]]
     assert rms(change) > 3.0 * plain["Cm"].total
     close = 0.02 * rms(change)
