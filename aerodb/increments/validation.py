@@ -173,7 +173,8 @@ def validate_on_held_out(
     """Error per axis before and after, on the identifying and on the held-out flights.
 
     before, after : flight id -> comparison with the baseline and with the candidate. floors : where
-    they are known (`aerodb.loop.noise_floors_of`); else the noise of the sensors in the coefficients.
+    they are known (`aerodb.loop.noise_floors_of`); else the noise of the sensors in the
+    coefficients.
 
     Errors are rms of dimensionless coefficients over residuals (n,); None where no flight has the
     axis.

@@ -20,14 +20,17 @@ from threadpoolctl import ThreadpoolController
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-#: Whether this process may be forked, and whether it is such a fork and has one core.
-_forkable, _forked = False, False
+#: What a fork of this process does first; None where it must not be forked.
+_first: Callable[[], object] | None = None
+#: Whether this process is such a fork, and has one core.
+_forked = False
 
 
-def let_fork() -> None:
-    """Let `in_processes` fork this process: no thread of it holds a lock while it is called."""
-    global _forkable
-    _forkable = True
+def let_fork(first: Callable[[], object]) -> None:
+    """Let `in_processes` fork this process: no thread of it holds a lock while that is called.
+    first : what each fork does before its work."""
+    global _first
+    _first = first
 
 
 def _cores() -> int:
@@ -72,7 +75,7 @@ def in_processes(function: Callable[[Item], Result], items: Iterable[Item]) -> l
     fork that died had to do is done here. Of several errors that of the first item is raised.
     """
     todo = list(items)
-    workers = min(len(todo), _cores()) if _forkable else 1
+    workers = min(len(todo), _cores()) if _first else 1
     if workers < 2:
         return [function(item) for item in todo]
     parts = [todo[number::workers] for number in range(workers)]
@@ -123,6 +126,8 @@ def _answer(function: Callable[[Item], Result], items: Sequence[Item], pipe: int
     try:
         _forked = True
         gc.disable()
+        if _first:
+            _first()
         with os.fdopen(pipe, "wb") as file:
             file.write(pickle.dumps(_outcomes(function, items), pickle.HIGHEST_PROTOCOL))
         os._exit(0)

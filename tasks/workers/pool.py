@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import Any, Final, TypeVar
 
 from aerodb.errors import CalculationError, StoreBusyError, StoreError, failing_alone
-from aerodb.storage.confinement import environment_memory, how_it_ended
+from aerodb.storage.confinement import environment_memory, how_it_ended, subordinate
 from aerodb.storage.limits import Limits
 from aerodb.storage.workspace_settings import load_settings
 from aerodb.support import let_fork
@@ -38,7 +38,7 @@ def become_worker() -> None:
     """Let this process, a fork without other threads, do its work itself, on all cores."""
     global _inside
     _inside = True
-    let_fork()
+    let_fork(subordinate)
 
 
 @dataclass(frozen=True)

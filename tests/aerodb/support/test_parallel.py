@@ -61,7 +61,7 @@ def test_no_room_for_a_thread_is_a_lack_of_memory(monkeypatch: pytest.MonkeyPatc
 
 def _in_a_worker(body: str) -> str:
     """What a process prints that may be forked, as workers may."""
-    start = "import os\nfrom aerodb.support import in_processes, let_fork\nlet_fork()\n"
+    start = "import os\nfrom aerodb.support import in_processes, let_fork\nlet_fork(lambda: None)\n"
     done = subprocess.run(
         [sys.executable, "-c", start + body], capture_output=True, text=True, timeout=120.0
     )
