@@ -118,7 +118,7 @@ def equation_errors(
     ixz = known["Ixz"] if "Ixz" in known else np.zeros_like(ixx)
     size = vehicle.reference
     force = float(np.median(clean["qbar"][where])) * size.area
-    speed = float(np.median(clean["V"][where]))
+    speed = np.where(where, clean["V"], np.median(clean["V"][where]))
     weight = clean["qbar"] * size.area / force
     moments = {
         "roll": (ixx * pdot - ixz * (rdot + p * q) + (izz - iyy) * q * r) / (force * size.span),

@@ -14,9 +14,10 @@ from aerodb.physics import standard_atmosphere
 from aerodb.suspicions import against_vehicle, air_suspicions, limits_flight
 from aerodb.suspicions.controls import control_suspicions
 from aerodb.suspicions.drag import drag_suspicions
+from aerodb.suspicions.equation_error import equation_errors
 from aerodb.suspicions.lift import helmbold, lift_suspicions
 from aerodb.suspicions.masses import mass_suspicions
-from aerodb.suspicions.surfaces import size_suspicions
+from aerodb.suspicions.surfaces import by_role, size_suspicions
 from aerodb.vehicle import Vehicle, parse_vehicle
 from tests.support import effect_flights
 
@@ -171,6 +172,27 @@ def test_the_effect_is_the_planted_one(flight: Flight) -> None:
     )
     error = max(3.0 * found.evidence["standard_error"], 0.05 * abs(CM[2]))
     assert found.evidence["effect"] == pytest.approx(-CM[2], abs=error)
+
+
+def test_damping_is_told_by_the_speed_of_each_moment() -> None:
+    """Of an aircraft that doubles its speed, which moves the aileron as the equation of roll asks,
+    damping and effect are those of the equation."""
+    time = np.arange(0.0, 40.0, STEP)
+    speed = 30.0 + 0.75 * time
+    p = 0.2 * np.sin(2.4 * time) + 0.1 * np.sin(4.1 * time + 1.0)
+    acceleration = 0.48 * np.cos(2.4 * time) + 0.41 * np.cos(4.1 * time + 1.0)
+    qbar = 0.5 * RHO * speed**2
+    cl = 900.0 * acceleration / (qbar * AREA * SPAN)
+    channels = dict.fromkeys(("q", "delta_elevator", "delta_rudder"), np.zeros_like(time))
+    channels |= {"V": speed, "qbar": qbar, "alpha": np.full_like(time, 0.05), "p": p}
+    channels |= {"beta": 0.01 * np.sin(1.7 * time), "r": 0.02 * np.sin(3.1 * time)}
+    channels["delta_aileron"] = (cl - CL_[1] * p * SPAN / (2.0 * speed)) / CL_[3]
+    made = Flight("light-2", "light", time, channels)
+    fit = equation_errors(made, vehicle(), by_role(made, vehicle(), ()))["roll"].fit()
+    assert fit is not None
+    found = dict(zip(fit.names, fit.estimates.tolist(), strict=True))
+    assert found["p"] == pytest.approx(CL_[1], rel=0.02)
+    assert found["delta_aileron"] == pytest.approx(CL_[3], rel=0.02)
 
 
 @pytest.mark.parametrize("seconds", [0.3, -0.3])
