@@ -2,8 +2,8 @@
 
 The way through:
 
-1. `flag_unusable` flags wild points, failed sensors and samples on the ground; values stay as they
-   are (`wild_points`, `failures`, `segmentation`, `condition`).
+1. `flag_unusable` flags wild points, failed and clipped sensors, and samples on the ground; values
+   stay as they are (`wild_points`, `failures`, `saturated`, `segmentation`, `condition`).
 2. `segments` finds segments and manoeuvres (`segmentation`, `manoeuvres`, `responses`), `delays`
    the delay of each channel against its kinematics (`delay`, `channel_rates`).
 3. `aerodb.suspicions.examine` adds each `Suspicion` and returns a `Conditioning`; `to_document` and
@@ -53,6 +53,7 @@ if TYPE_CHECKING:
     from .local_gravity import local_gravity
     from .manoeuvres import SETTLED
     from .pitot import AIR, SLOW
+    from .saturated import CLIPPED, saturated
     from .segment import STATES, Segment
     from .segmentation import carried, despite_ground, ground_and_air, segments, was_airborne
     from .selection import checked_conditions, selected

@@ -8,6 +8,7 @@ import numpy as np
 
 from aerodb.conditioning.delay import Delay
 from aerodb.conditioning.failures import flag_failed
+from aerodb.conditioning.saturated import flag_saturated
 from aerodb.conditioning.segment import Segment
 from aerodb.conditioning.segmentation import flag_on_ground
 from aerodb.conditioning.suspicion import Suspicion
@@ -25,9 +26,9 @@ class Conditioning:
 
 
 def flag_unusable(flight: Flight) -> Flight:
-    """Return the flight with wild points, failed sensors and samples on the ground flagged; values
-    (n,) stay, in SI units (`FLAGS`)."""
-    return flag_on_ground(flag_failed(flag_wild_points(flight)))
+    """Return the flight with wild points, failed and clipped sensors, and samples on the ground
+    flagged; values (n,) stay, in SI units (`FLAGS`)."""
+    return flag_saturated(flag_on_ground(flag_failed(flag_wild_points(flight))))
 
 
 def suspicion_documents(suspicions: Iterable[Suspicion]) -> list[dict[str, Any]]:
