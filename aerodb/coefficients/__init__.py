@@ -17,6 +17,9 @@ The way through:
 A flight that lacks the thrust which its vehicle logs has no axis that contains thrust
 (`thrust_share`, THRUST_REMEDY).
 
+`rotors_beside` compares a flight of a vehicle that rotors carry, and says what its rotors and its
+battery do otherwise than the database.
+
 `total` holds the coefficients, `angular_acceleration` the choice between logged angular
 accelerations and rates differentiated, `thrust` the thrust, `comparison` the comparison,
 `inputs` the inputs that flights lack, `finite` whether a database has values.
@@ -46,6 +49,7 @@ if TYPE_CHECKING:
         lacking_inputs,
         with_held_inputs,
     )
+    from .rotors import rotors_beside
     from .thrust import THRUST_REMEDY, thrust_loads, thrust_share
     from .total import DEFAULT_BANDWIDTH, Coefficients, bandwidth_of, total_coefficients
 

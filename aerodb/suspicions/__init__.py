@@ -33,6 +33,6 @@ if TYPE_CHECKING:
     from .database import against_database
     from .every import against_vehicle, examine, examined_beside, limited_document, limits_flight
     from .plausibility import start_suspicions
-    from .rotors import BATTERY, rotor_suspicions
+    from .rotors import BATTERY, rotor_suspicions, speed_by_voltage
 
 __getattr__, __dir__, __all__ = attach(__name__, __file__)

@@ -9,6 +9,7 @@ rotor: with constant commands a weak rotor is a shifted centre of gravity. Where
 battery is logged, what goes with it is free as well, and told as the battery's.
 """
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Final
@@ -125,6 +126,24 @@ def rotor_suspicions(
     )
     evidence = {"share": value, "standard_error": error}
     return (Suspicion(ranked[0], "thrust", words, evidence), *sag)
+
+
+def speed_by_voltage(flight: Flight, found: Sequence[Suspicion]) -> str:
+    """Return the factor of the rotors' speed by the voltage of the battery [V], as an expression,
+    where what was found of a flight tells that thrust goes with it; empty otherwise.
+
+    Thrust goes with the square of the speed, and the speed of a plain motor with the voltage: an
+    exponent stands where the interval of 95 % does not hold that.
+    """
+    told = [each.evidence for each in found if each.channel == BATTERY and each.kind == "sag"]
+    if not told:
+        return ""
+    voltage = flight[BATTERY][flight.usable([BATTERY]) & (flight[BATTERY] > 0.0)]
+    power, share = float(told[0]["power"]), float(told[0]["share"])
+    spread = half_interval(abs(power * float(told[0]["standard_error"]) / share))
+    plain = math.isclose(power, _SQUARE, abs_tol=spread)
+    exponent = "" if plain else f"^{power / _SQUARE:.2g}"
+    return f"({BATTERY}/{float(f'{np.mean(voltage):.3g}'):g}){exponent}"
 
 
 def _voltage(flight: Flight, good: NDArray[np.bool_]) -> Array | None:

@@ -13,14 +13,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from aerodb.coefficients import as_inputs, compare, total_coefficients
+from aerodb.coefficients import rotors_beside
 from aerodb.conditioning import Suspicion
 from aerodb.exchange.native import read_native
 from aerodb.logs import draft_rotorcraft, map_recording, read_autopilot
 from aerodb.parts import command_ranges
 from aerodb.storage.mappings import load_mapping
 from aerodb.storage.readers.ulog import read_ulog
-from aerodb.suspicions.rotors import rotor_suspicions
 from aerodb.tables import AeroDatabase, with_parameters
 from aerodb.vehicle import Vehicle, parse_vehicle, with_mass_channels
 from tests.support.multicopter_flight import (
@@ -92,18 +91,7 @@ def named(
         assert ("battery_voltage" in flight) == voltage
         assert "battery_voltage" not in flight.missing
         flight = with_mass_channels(flight, vehicle)
-        coefficients = total_coefficients(flight, vehicle)
-        beside = compare(flight, coefficients, database, vehicle.reference)
-        found.append(
-            rotor_suspicions(
-                as_inputs(flight, database, beside.bandwidth),
-                database,
-                beside.measured,
-                beside.predicted,
-                beside.usable,
-                beside.bandwidth,
-            )
-        )
+        found.append(rotors_beside(flight, vehicle, database))
     return found
 
 

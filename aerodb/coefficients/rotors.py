@@ -1,0 +1,28 @@
+"""What the rotors of a flight say beside a database: the flight's coefficients, compared."""
+
+from aerodb.coefficients.comparison import as_inputs, compare
+from aerodb.coefficients.total import total_coefficients
+from aerodb.conditioning import Suspicion
+from aerodb.flight import Flight
+from aerodb.suspicions import rotor_suspicions
+from aerodb.tables import AeroDatabase
+from aerodb.vehicle import Vehicle
+
+
+def rotors_beside(
+    flight: Flight, vehicle: Vehicle, database: AeroDatabase
+) -> tuple[Suspicion, ...]:
+    """Return the answer of `rotor_suspicions` for a flight that has its mass channels.
+
+    Raises InputError as `total_coefficients` and `compare` do.
+    """
+    coefficients = total_coefficients(flight, vehicle)
+    beside = compare(flight, coefficients, database, vehicle.reference)
+    return rotor_suspicions(
+        as_inputs(flight, database, beside.bandwidth),
+        database,
+        beside.measured,
+        beside.predicted,
+        beside.usable,
+        beside.bandwidth,
+    )
