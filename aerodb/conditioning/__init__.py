@@ -46,6 +46,7 @@ if TYPE_CHECKING:
     from .ground_motion import (
         STEADY_WIND_ALTITUDE,
         STEADY_WIND_TIME,
+        despite_ground,
         ground_speed,
         places,
         wheel_speed,
@@ -55,7 +56,7 @@ if TYPE_CHECKING:
     from .pitot import AIR, SLOW
     from .saturated import CLIPPED, saturated
     from .segment import STATES, Segment
-    from .segmentation import carried, despite_ground, ground_and_air, segments, was_airborne
+    from .segmentation import carried, ground_and_air, segments, was_airborne
     from .selection import checked_conditions, selected
     from .suspicion import Suspicion, clock_suspicions
     from .wild_points import RAREST, SHORTEST_STUCK, spikes, stuck, without_wild_points

@@ -16,7 +16,7 @@ import numpy as np
 
 from aerodb.conditioning.channel_rates import KINEMATICS, with_accelerations
 from aerodb.conditioning.followers import FOLLOWERS
-from aerodb.conditioning.pitot import MOST_WIND
+from aerodb.conditioning.pitot import MOST_WIND, speed_over_ground
 from aerodb.estimation import samples_per_independent
 from aerodb.flight import Flight
 from aerodb.nomenclature import channel
@@ -246,7 +246,9 @@ def _made(flight: Flight, every: int, count: int) -> list[_Relation]:
     means = {name: thin(values) for name, values in usable.items()}
     near, flown = max(1, every // 5), np.ones(len(flight.time), dtype=bool)
     if "V" in usable:
-        flown = usable["V"] > MOST_WIND * float(np.quantile(usable["V"], 0.95))
+        fast = MOST_WIND * float(np.quantile(usable["V"], 0.95))
+        over = speed_over_ground(flight)
+        flown = usable["V"] > fast if over is None else np.fmax(usable["V"], over) > fast
     for name, rate, needs in _relations():
         if not {name, *needs} <= usable.keys():
             continue
@@ -277,15 +279,14 @@ def _made(flight: Flight, every: int, count: int) -> list[_Relation]:
 
 
 def _likeliest(name: str, relations: Sequence[_Relation], count: int) -> Iterator[_Fault]:
-    """The likeliest jump and the likeliest drift of a sensor."""
+    """The likeliest jump and the likeliest drift of a sensor, to the end or until it is itself
+    again."""
     edge, first = np.arange(count + 1), np.arange(2, count - 1)
     steps = (edge >= first[:, None]).astype(np.float64)
     ramps = np.maximum(edge - first[:, None], 0.0) / (count - first[:, None])
     drifts = _best(name, False, relations, ramps, [(int(k), count) for k in first])
     if drifts is not None:
         yield drifts
-    if name == "psi":  # a heading wraps, and is aligned anew
-        return
     # A leap near the edge of a window is in both.
     at_edge = edge == first[:, None]
     near = np.concatenate([steps - part * at_edge for part in (0.0, 0.25, 0.5, 0.75)])
@@ -293,16 +294,30 @@ def _likeliest(name: str, relations: Sequence[_Relation], count: int) -> Iterato
     leaps = _best(name, True, relations, near, [(int(k), count) for k in begins])
     if leaps is None:
         return
-    yield leaps
     # It may be over before the end, or have been there before and gone.
+    gone, end = None, leaps.row
     apart = np.flatnonzero(np.abs(begins - leaps.first) >= FEWEST_SEEN)
-    if not apart.size:
-        return
-    ends = [(min(leaps.first, int(k)), max(leaps.first, int(k))) for k in begins[apart]]
-    sign = np.sign(begins[apart] - leaps.first)[:, None]
-    gone = _best(name, True, relations, sign * (near[leaps.row] - near[apart]), ends)
+    if apart.size:
+        ends = [(min(leaps.first, int(k)), max(leaps.first, int(k))) for k in begins[apart]]
+        sign = np.sign(begins[apart] - leaps.first)[:, None]
+        gone = _best(name, True, relations, sign * (near[leaps.row] - near[apart]), ends)
+    if gone is not None and gone.last > leaps.first:
+        end = int(apart[gone.row])
+    # What drifted may be itself again at once.
+    until = int(begins[end])
+    since = first[first <= until - FEWEST_SEEN]
+    ramps = np.maximum(edge - since[:, None], 0.0) / (until - since[:, None])
+    reset = ramps * (1.0 - near[end])
+    ended = _best(name, False, relations, reset, [(int(k), until) for k in since])
     samples = [each.samples for each in relations]
-    if gone is not None and gone.gain(samples) > leaps.gain(samples) + likelihood_gain(CLAIM):
+    more = likelihood_gain(CLAIM)
+    least = max(each.gain(samples) for each in (leaps, drifts) if each is not None)
+    if ended is not None and ended.gain(samples) > least + more:
+        yield ended
+    if name == "psi":  # a heading wraps, and is aligned anew
+        return
+    yield leaps
+    if gone is not None and gone.gain(samples) > leaps.gain(samples) + more:
         yield gone
 
 
@@ -314,6 +329,8 @@ def _best(
     ends: Sequence[tuple[int, int]],
 ) -> _Fault | None:
     """The likeliest of errors (l, m + 1) of a sensor that begin and end at edges of windows."""
+    if not len(errors):
+        return None
     parts = [
         (k, relation.own(relation.slope), made)
         for k, relation in enumerate(relations)

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 
 from aerodb.conditioning.channel_rates import with_accelerations
 from aerodb.conditioning.drifts import SENSORS, WINDOW, Drift, drift
-from aerodb.conditioning.followers import FOLLOWERS, LEAPING, leaping, not_following, repeated
+from aerodb.conditioning.followers import FOLLOWERS, LEAPING, held, leaping, not_following, repeated
 from aerodb.conditioning.frozen import frozen, torn
+from aerodb.conditioning.ground_motion import despite_ground
 from aerodb.conditioning.pitot import (
     AIR,
     SHORTEST,
@@ -48,8 +49,13 @@ def flag_failed(flight: Flight) -> Flight:
     All fail where the whole record stands still, or jumps. Airspeed fails where the speed over
     ground goes on, or where it falls within a second and no force slows the aircraft. Other sensors
     fail where they stand still while what they measure changes, heights and positions where they
-    leap. What drifts or jumps and goes on is told by all channels together (`drift`).
+    leap. One that repeats a value is told first: no other sensor is to be blamed for it. What
+    drifts or jumps and goes on is told by all channels together (`drift`).
     """
+    usable = with_accelerations(flight)
+    for name in FOLLOWERS:
+        if name in flight and (where := held(flight, usable, name)).any():
+            flight = _with_its_receiver(_with_failed(flight, name, where), name, where)
     for name, where in airspeed_failures(flight).items():
         flight = flight.with_flag(name, "failed", where)
     for first, last in (*frozen(flight), *torn(flight)):
@@ -68,12 +74,16 @@ def flag_failed(flight: Flight) -> Flight:
         together = next((each for each in _RECEIVERS if found.channel in each), ("",))
         where = np.zeros(len(flight.time), dtype=bool)
         where[found.first : found.last + 1] = True
-        flight = _with_failed(flight, found.channel, where)
+        middle, least = (found.first + found.last) // 2, max(2, round(SHORTEST / flight.step))
+        where |= repeated(flight[found.channel], middle, least)
+        flight = _with_its_receiver(
+            _with_failed(flight, found.channel, where), found.channel, where
+        )
         usable = with_accelerations(flight)
-    for name in FOLLOWERS:
+    # What depends on fewest others first: a wrong attitude is no fault of the vanes.
+    for name in sorted(FOLLOWERS, key=lambda each: len(FOLLOWERS[each].needs)):
         if name in flight and (where := not_following(flight, usable, name)).any():
-            flight = _with_failed(flight, name, where)
-            flight = _with_its_receiver(flight, name, where)
+            flight = _with_its_receiver(_with_failed(flight, name, where), name, where)
     return flight
 
 
@@ -114,7 +124,7 @@ class Failure:
     kind : ``behind`` (airspeed without the speed over ground), ``fallen`` (without a force that
     slows the aircraft), ``still`` (it does not follow the motion), ``leapt`` (it is elsewhere all
     at once, and no velocity says so), ``drifted`` (it goes on, but elsewhere: `drift` says how),
-    ``silent`` (no samples more),
+    ``silent`` (no samples in flight, or no more),
     ``frozen`` or ``torn`` (all channels stand still, or jump; one of them is named).
     value : median that it shows [unit of the channel]; beside : speed over ground [m/s] meanwhile;
     nan where there is none.
@@ -139,7 +149,7 @@ class Failure:
         if self.drift is not None:
             return self.drift.reason
         if self.kind == "silent":
-            return "its samples end, those of the rates go on"
+            return "it has no samples, those of the rates go on"
         if self.kind == "still":
             if self.channel not in FOLLOWERS:
                 return "the other channels do not change as it says"
@@ -191,7 +201,7 @@ def _failure(flight: Flight, name: str, first: int, last: int, ground: Array | N
     here = slice(first, last + 1)
     start, end = float(flight.time[first]), float(flight.time[last])
     long = end - start > WINDOW
-    drifted = _drift_there(flight, name, first, last) if long else None
+    drifted = _drift_there(despite_ground(flight), name, first, last) if long else None
     if drifted is not None:
         return Failure(name, "drifted", start, end, drifted.size, np.nan, drifted)
     values = flight[name][here]
@@ -226,14 +236,19 @@ def _leaps_there(values: Array, first: int, last: int, least: float) -> bool:
 
 
 def _silent(flight: Flight, name: str, bits: NDArray[np.uint16]) -> list[Failure]:
-    """A sensor that had samples and has none until the end, while body rates go on."""
+    """A sensor that had samples and has none in flight, or until the end, while body rates go
+    on."""
     gone = ~np.isfinite(flight[name]) | ((bits & FLAGS["gap"]) != 0)
     rates = [rate for rate in ("p", "q", "r") if rate in flight]
-    known = np.flatnonzero(~gone)
-    if not rates or not known.size or known[-1] == len(gone) - 1:
+    if not rates or gone.all():
         return []
-    going = np.flatnonzero(flight.usable(rates, despite=("on_ground", "hover")))
-    start, end = float(flight.time[known[-1]]), float(flight.time[going[-1]]) if going.size else 0.0
-    if end - start < LONGEST_SILENCE:
-        return []
-    return [Failure(name, "silent", start, end, np.nan, np.nan)]
+    going = flight.usable(rates, despite=("on_ground", "hover"))
+    flying = flight.usable(rates)
+    least = round(LONGEST_SILENCE / flight.step)
+    found = []
+    for first, last in runs(gone & going, least, least):
+        at_end = gone[last:].all()
+        if first > 0 and (at_end or (gone & flying)[first : last + 1].sum() > least):
+            start, end = float(flight.time[first - 1]), float(flight.time[last])
+            found.append(Failure(name, "silent", start, end, np.nan, np.nan))
+    return found

@@ -6,7 +6,7 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import uniform_filter1d
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 
 from aerodb.conditioning.channel_rates import (
     KINEMATICS,
@@ -20,7 +20,7 @@ from aerodb.conditioning.pitot import MOST_WIND, SHOWN
 from aerodb.flight import Flight
 from aerodb.nomenclature import channel
 from aerodb.signals import bridge, integrated, runs
-from aerodb.support import QUARTER, Array, Mask
+from aerodb.support import HALF, QUARTER, Array, Mask
 
 #: How many times the usual disagreement a motion must be, for a sensor that does not show it.
 CLEAR: Final = 5.0
@@ -98,6 +98,11 @@ FOLLOWERS: Final[dict[str, _Follower]] = {
 LEAPING: Final = ("altitude", "static_pressure", "north", "east")
 
 
+def _width(flight: Flight, name: str) -> int:
+    """Samples over which changes of a channel are compared."""
+    return round(FOLLOWERS[name].window / flight.step)
+
+
 def _moved(
     flight: Flight, usable: Mapping[str, Array], name: str, needs: Collection[str]
 ) -> tuple[Array, Mask]:
@@ -108,14 +113,14 @@ def _moved(
         return np.zeros(len(known)), known
     known &= flight.usable([n for n in (*needs, *OPTIONAL.get(name, ())) if n in flight])
     with np.errstate(all="ignore"):
-        rate = np.nan_to_num(FOLLOWERS[name].rate(usable))
+        rate = np.nan_to_num(FOLLOWERS[name].rate(usable), posinf=0.0, neginf=0.0)
     return integrated(rate, flight.step), known
 
 
 def not_following(flight: Flight, usable: Mapping[str, Array], name: str) -> Mask:
     """Where a channel stands still while the rate that it must follow moves it."""
     rule, where = FOLLOWERS[name], np.zeros(len(flight.time), dtype=bool)
-    width = round(rule.window / flight.step)
+    width = _width(flight, name)
     if not {name, *rule.needs} <= usable.keys() or not 4 <= width < len(where) // 3:
         return where
     turned, known = _moved(flight, usable, name, rule.needs)
@@ -144,6 +149,16 @@ def not_following(flight: Flight, usable: Mapping[str, Array], name: str) -> Mas
     return where
 
 
+def held(flight: Flight, usable: Mapping[str, Array], name: str) -> Mask:
+    """Where a channel that does not follow repeats exactly one value for as long as it must
+    follow."""
+    where, same = not_following(flight, usable, name), np.zeros(len(flight.time), dtype=bool)
+    if where.any():
+        for first, last in runs(np.diff(flight[name]) == 0.0, _width(flight, name)):
+            same[first : last + 2] = where[first : last + 2].any()
+    return same
+
+
 def leaping(flight: Flight, usable: Mapping[str, Array], name: str) -> Mask:
     """Where a height, pressure or position is elsewhere, since it leapt and no velocity says so:
     until it leaps back, else on the side of the leap where it follows the velocity less, or on the
@@ -157,21 +172,36 @@ def leaping(flight: Flight, usable: Mapping[str, Array], name: str) -> Mask:
     if len(where) < 10 * width or not np.isfinite(at_most):
         return where
     turned, known = _moved(flight, usable, name, needs)
+    # A velocity that repeats a value tells nothing of a leap.
+    for need in (each for each in needs if each.startswith("velocity")):
+        for first, last in runs(np.diff(flight[need]) == 0.0, _width(flight, name)):
+            known[first : last + 2] = False
     apart = np.where(known, flight[name] - turned, np.nan)
     change = np.abs(apart[width:] - apart[:-width])
     if np.isfinite(change).sum() < 10 * width:
         return where
     least = at_most + max(rule.least, LEAPT * float(np.nanquantile(change, 0.5)))
+    # What stands still, or follows a wrong velocity, goes elsewhere, too, but evenly.
+    short = max(1, width // 4)
+    at_once = maximum_filter1d(np.nan_to_num(np.abs(apart[short:] - apart[:-short])), width)
+    leapt = np.nan_to_num(change) > least
+    leapt &= at_once[width // 2 :][: len(leapt)] > HALF * change
     k = 0
-    for at in np.flatnonzero(change > least).tolist():
+    for at in np.flatnonzero(leapt).tolist():
         if at < k:
             continue
         before = apart[at]
         begin = at + 1 + int(np.nanargmax(np.abs(np.diff(apart[at : at + width + 1]))))
         back = np.flatnonzero(np.abs(apart[begin:] - before) < 0.5 * least)
-        end = begin + int(back[0]) if back.size else len(where)
-        is_first = not back.size and _is_wrong_before(flight[name], apart, begin)
-        where[slice(0, begin) if is_first else slice(begin, end)] = True
+        first, end = begin, begin + int(back[0]) if back.size else len(where)
+        if not back.size:
+            there = np.abs(apart[:begin] - apart[at + width]) < 0.5 * least
+            well = runs(there, _width(flight, name), width)
+            if well:  # it went wrong by and by, and is itself again
+                first, end = well[-1][1] + 1, begin
+            elif _is_wrong_before(flight[name], apart, begin):
+                first, end = 0, begin
+        where[first:end] = True
         k = end + width
     return where & np.isfinite(flight[name])
 

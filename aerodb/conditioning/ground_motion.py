@@ -1,11 +1,12 @@
 """Place and speed over the ground, from whatever a log has of them."""
 
+from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from aerodb.flight import Flight
-from aerodb.nomenclature import POSITIONS, WHEELS
+from aerodb.nomenclature import FLAGS, POSITIONS, WHEELS
 from aerodb.physics import Earth
 from aerodb.support import Array
 
@@ -64,3 +65,17 @@ def _filled(values: Array) -> Array:
     """Values (n,) with gaps bridged."""
     at = np.flatnonzero(np.isfinite(values))
     return np.asarray(np.interp(np.arange(len(values)), at, values[at]))
+
+
+def despite_ground(flight: Flight) -> Flight:
+    """The flight without the flag that would hide its time on the ground."""
+    if "flight" not in flight.flags:
+        return flight
+    return replace(
+        flight,
+        flags={
+            **flight.flags,
+            "flight": flight.flags["flight"]
+            & ~flight.flags["flight"].dtype.type(FLAGS["on_ground"]),
+        },
+    )

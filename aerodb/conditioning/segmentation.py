@@ -4,14 +4,13 @@
 """
 
 import re
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from scipy.ndimage import median_filter
 
 from aerodb.conditioning.failures import failures
-from aerodb.conditioning.ground_motion import wheel_speed
+from aerodb.conditioning.ground_motion import despite_ground, wheel_speed
 from aerodb.conditioning.manoeuvres import (
     ABOVE_ACTIVITY,
     DEGREE,
@@ -83,9 +82,9 @@ def segments(flight: Flight) -> tuple[Segment, ...]:
 
     Times [s] on the clock of the flight, samples (n,).
     """
-    flight = despite_ground(flight)
+    failed, flight = _failed(flight), despite_ground(flight)
     view = _View(flight)
-    parts = [*ground_and_air(flight), *configurations(flight), *_failed(flight)]
+    parts = [*ground_and_air(flight), *configurations(flight), *failed]
     parts += _standing(flight)
     surfaces = _surfaces(view)
     manoeuvres = [*_inputs(view, surfaces), *_responses(view, surfaces)]
@@ -173,7 +172,8 @@ def ground_and_air(flight: Flight) -> tuple[Segment, ...]:
     on_ground = np.zeros(len(speed), dtype=bool)
     slow = speed < SLOW * high
     if ground is not None:
-        slow &= ~(median_filter(bridge(ground), window, mode="nearest") > MOST_WIND * high)
+        over = median_filter(bridge(ground), window, mode="nearest")
+        slow &= ~((over > MOST_WIND * high) & np.isfinite(ground))
     slow &= ~hovering
     for first, last in _slow_runs(slow, speed, stay, window, flight.step):
         on_ground[slice(*_rolling(flight, speed, first, last))] = True
@@ -247,20 +247,6 @@ def _failed(flight: Flight) -> list[Segment]:
         Segment("failed", each.start, each.end, each.reason, each.channel)
         for each in failures(flight)
     ]
-
-
-def despite_ground(flight: Flight) -> Flight:
-    """The flight without the flag that would hide its time on the ground."""
-    if "flight" not in flight.flags:
-        return flight
-    return replace(
-        flight,
-        flags={
-            **flight.flags,
-            "flight": flight.flags["flight"]
-            & ~flight.flags["flight"].dtype.type(FLAGS["on_ground"]),
-        },
-    )
 
 
 def flag_on_ground(flight: Flight) -> Flight:

@@ -29,7 +29,6 @@ from aerodb.conditioning import Suspicion, flag_unusable
 from aerodb.consistency import make_consistent
 from aerodb.errors import InputError
 from aerodb.examples.phoenix import mission, read_example
-from aerodb.flight import Flight
 from aerodb.logs.mapping import choose_mapping, map_recording
 from aerodb.nomenclature import AXES
 from aerodb.recording import Recording
@@ -112,15 +111,6 @@ def measured(folder: Path) -> Iterator[Pair]:
         yield Pair(record, flag_unusable(flight), vehicle, database_of(vehicle))
 
 
-def until_touchdown(flight: Flight) -> Flight:
-    """A flight of the built-in example up to its touchdown: faults are to be in the air."""
-    ground = flight["altitude"] < mission.GROUND + mission.TOUCHDOWN_HEIGHT
-    end = int(np.argmax(ground)) if ground.any() else len(ground)
-    parts = ({n: v[:end] for n, v in each.items()} for each in (flight.channels, flight.flags))
-    channels, flags = parts
-    return replace(flight, time=flight.time[:end], channels=channels, flags=flags)
-
-
 def simulated(flights: int = 4, seed: int = 4) -> Iterator[Pair]:
     """Flights of the built-in example as its instruments log them, and of the made-up aircraft of
     the tests of effects."""
@@ -129,8 +119,7 @@ def simulated(flights: int = 4, seed: int = 4) -> Iterator[Pair]:
         topics = {topic.name: topic for topic in log.topics}
         recording = Recording(log.name, "ulog", "0" * 64, 0, topics, layout="px4")
         flight = map_recording(recording, builtin_mappings()["px4"], vehicle, recording.source)
-        flown = flag_unusable(until_touchdown(flight))
-        yield Pair(log.name, flown, vehicle, database_of(vehicle))
+        yield Pair(log.name, flag_unusable(flight), vehicle, database_of(vehicle))
     other = effect_flights.vehicle()
     for number in range(flights):
         flight = effect_flights.flown(number, effect_flights.database())

@@ -259,7 +259,7 @@ def failing(pair: Pair, kind: Kind) -> tuple[Flight, np.ndarray] | None:
             values, where, sigma * rng.standard_normal(len(values)), flight.step
         )
     bits = {
-        name: flags & ~flags.dtype.type(FLAGS["stuck"] | FLAGS["wild_point"])
+        name: flags & ~flags.dtype.type(FLAGS["stuck"] | FLAGS["wild_point"] | FLAGS["on_ground"])
         for name, flags in flight.flags.items()
     }
     return flag_unusable(replace(flight, flags=bits).with_channels(made)), where

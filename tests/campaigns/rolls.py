@@ -116,7 +116,7 @@ def said(root: Path, folder: Path, seed: int, planted: bool) -> dict[str, Any]:
         "off": {  # in standard errors
             name: (each["value"] - TRUE[name]) / each["standard_error"]
             for name, each in estimates.items()
-            if each["value"] is not None
+            if each["value"] is not None and each["standard_error"]
         },
     }
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from aerodb.conditioning.segmentation import flagged
 from aerodb.suspicions import against_vehicle
 from aerodb.suspicions.changing import changing_suspicions
 from aerodb.suspicions.equation_error import equation_errors
@@ -19,7 +20,16 @@ KINDS = ("rudder reversed", "rudder x .4", "rudder held")
 
 @pytest.fixture(scope="module")
 def flight() -> Pair:
-    return next(simulated(flights=1))
+    """The example's first flight until it touches down: its surfaces change in the air."""
+    pair = next(simulated(flights=1))
+    end = int(np.argmax(flagged(pair.flight, "on_ground")))
+    cut = replace(
+        pair.flight,
+        time=pair.flight.time[:end],
+        channels={name: values[:end] for name, values in pair.flight.channels.items()},
+        flags={name: bits[:end] for name, bits in pair.flight.flags.items()},
+    )
+    return replace(pair, flight=cut)
 
 
 @pytest.mark.parametrize("kind", KINDS)
