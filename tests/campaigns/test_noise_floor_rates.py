@@ -8,7 +8,7 @@ import pytest
 pytest.importorskip("jsbsim")
 
 from aerodb.increments import NEAR_FLOOR, HoldOut, validate_on_held_out
-from aerodb.loop import noise_floors
+from aerodb.loop import noise_floors_of
 from aerodb.signals import rms
 from aerodb.tasks.steps.loop_flights import StoredFlights
 from aerodb.tasks.workspace_access import access_workspace
@@ -54,7 +54,7 @@ def _over_floor(name: str, cell: str, number: int, folder: Path) -> dict[str, tu
     source = StoredFlights(access, craft.vehicle, "test")
     database = access.database(access.catalogue.version(craft.vehicle, "v0001").id)
     compared = {id: source.comparison(id, database) for id in flights}
-    floors = noise_floors(source, flights, database)
+    floors = noise_floors_of(source, flights, database)
     split = HoldOut((), flights, "held-out")
     errors = {each.axis: each for each in validate_on_held_out(compared, compared, split, floors)}
     found = {}
