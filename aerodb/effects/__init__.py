@@ -34,7 +34,6 @@ if TYPE_CHECKING:
         NATURAL_ANGLE_ERRORS,
         SURFACE_MOTION,
         air_rotation_columns,
-        error_columns_of,
         half_width,
         hypotheses_for_flight,
         predicted_change,

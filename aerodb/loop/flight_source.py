@@ -7,11 +7,11 @@ from typing import Protocol, TypeVar
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
 from aerodb.consistency import StateNoise
-from aerodb.effects import FlightView, Hypothesis
+from aerodb.effects import FlightView
 from aerodb.flight import Flight
 from aerodb.increments import NoiseFloor
 from aerodb.loop.frozen_library import Library
-from aerodb.support import Array, in_processes
+from aerodb.support import in_processes
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import FlightNormalEquations
 from aerodb.vehicle import Vehicle
@@ -87,13 +87,6 @@ class FlightSource(Protocol):
     ) -> dict[str, Mapping[str, NoiseFloor]]:
         """Return flight (id) -> axis -> error that remains if a database is right, dimensionless:
         `aerodb.loop.noise_floors_of`."""
-        ...
-
-    def error_columns(
-        self, flight: str, database: AeroDatabase, sensor: Hypothesis
-    ) -> Mapping[str, Array]:
-        """Return axis -> what a unit error of a sensor adds to the measured coefficients (n,) of a
-        flight compared with a database, per SI unit of the error."""
         ...
 
     def normal_equations(

@@ -9,8 +9,9 @@ from dataclasses import dataclass, replace
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment
+from aerodb.effects import with_wind
 from aerodb.flight import Flight
-from aerodb.loop.flight_source import FlightSource, ReconstructionErrors
+from aerodb.loop.flight_source import FlightSource, ReconstructionErrors, on_each
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.without_store import WithoutStore
 from aerodb.support import Array
@@ -86,7 +87,7 @@ def _shares(
     sensors: Mapping[str, float],
 ) -> dict[str, Mapping[str, Array]]:
     """Return flight (id) -> axis -> what these sensors (id -> error, SI) add to the measured
-    coefficients (n,).
+    coefficients (n,): of the loads as measured, so that what the database lacks is no part of it.
 
     Raises InputError where a flight lacks what is needed.
     """
@@ -94,12 +95,14 @@ def _shares(
 
     def one(flight: str) -> Mapping[str, Array]:
         share = dict[str, Array]()
-        for sensor, value in found:
-            for axis, column in source.error_columns(flight, database, sensor).items():
-                share[axis] = share.get(axis, 0.0) + value * column
+        if found:
+            view = source.view(flight, database).as_measured()
+            for hypothesis, value in found:
+                for axis, column in with_wind(view, hypothesis.columns(view)).items():
+                    share[axis] = share.get(axis, 0.0) + value * column
         return share
 
-    return {flight: one(flight) for flight in flights}
+    return dict(zip(flights, on_each(source, tuple(flights), one), strict=True))
 
 
 def _less_share(compared: Comparison, share: Mapping[str, Array]) -> Comparison:

@@ -2,13 +2,12 @@
 
 from collections.abc import Mapping, Sequence
 
-from aerodb.effects import FlightView, Hypothesis, error_columns_of, view_of
+from aerodb.effects import FlightView, view_of
 from aerodb.increments import NoiseFloor
 from aerodb.loop.evidence import normal_equations_beside
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.loop.noise_floor import noise_floors_of
-from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tracing import FlightNormalEquations, thinned
 
@@ -33,13 +32,6 @@ class WithoutStore:
         """Return flight (id) -> axis -> error that remains if a database is right,
         dimensionless."""
         return noise_floors_of(self, flights, database)
-
-    def error_columns(
-        self: FlightSource, flight: str, database: AeroDatabase, sensor: Hypothesis
-    ) -> Mapping[str, Array]:
-        """Return axis -> what a unit error of a sensor adds to the measured coefficients (n,), per
-        SI unit of the error."""
-        return error_columns_of(self.view(flight, database), sensor)
 
     def normal_equations(
         self: FlightSource, flights: Sequence[str], database: AeroDatabase, library: Library

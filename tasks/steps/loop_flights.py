@@ -10,13 +10,12 @@ from typing import Any, Final, TypeVar
 
 from aerodb.coefficients import Comparison
 from aerodb.conditioning import Segment, selected
-from aerodb.effects import FlightView, Hypothesis, error_columns_of, view_of
+from aerodb.effects import FlightView, view_of
 from aerodb.exchange import database_document_sha256
 from aerodb.flight import Flight
 from aerodb.increments import NoiseFloor
 from aerodb.loop import Library, ReconstructionErrors, noise_floors_of, normal_equations_beside
 from aerodb.storage.files import read_normal_equations, write_normal_equations
-from aerodb.support import Array
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.steps.coefficients import FlightCoefficients, load_coefficients
 from aerodb.tasks.steps.compare import compare_loaded
@@ -155,19 +154,6 @@ class StoredFlights:
             "noise floors",
             tuple(flights),
             database_document_sha256(database),
-        )
-
-    def error_columns(
-        self, flight: str, database: AeroDatabase, sensor: Hypothesis
-    ) -> Mapping[str, Array]:
-        """Return axis -> what a unit error of a sensor adds to the measured coefficients (n,), per
-        SI unit of the error; what several steps of a run ask is calculated once."""
-        return self._once(
-            lambda: error_columns_of(self.view(flight, database), sensor),
-            "error columns",
-            flight,
-            database_document_sha256(database),
-            sensor.id,
         )
 
     def normal_equations(

@@ -15,7 +15,7 @@ from aerodb.lazy_faces import attach
 
 if TYPE_CHECKING:
     from .air_rotation import air_rotation_columns
-    from .error_columns import ERROR_COLUMNS, error_columns_of, with_wind
+    from .error_columns import ERROR_COLUMNS, with_wind
     from .reconstructed_angles import hypotheses_for_flight, with_reconstructed_angles
     from .remaining_errors import within_reconstruction_accuracy
     from .sensor import BELIEVED, predicted_change

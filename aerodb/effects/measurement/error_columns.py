@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.effects.flight_view import FlightView
-from aerodb.effects.hypothesis import Columns, Hypothesis
+from aerodb.effects.hypothesis import Columns
 from aerodb.effects.measurement import sensor_accelerometer, sensor_flow_angles, sensor_qbar
 from aerodb.effects.measurement.sensor import added, predicted_change
 from aerodb.support import Array
@@ -32,14 +32,6 @@ def with_wind(view: FlightView, columns: Columns) -> Columns:
         **columns,
         **dict(zip(WIND_AXES, body_to_wind(cx, cy, cz, view["alpha"], beta), strict=True)),
     }
-
-
-def error_columns_of(view: FlightView, sensor: Hypothesis) -> Columns:
-    """Return what a unit error of a sensor adds to the measured coefficients (n,), on body and wind
-    axes, per SI unit of the error: of the loads as measured, so that what the database lacks is no
-    part of it."""
-    view = view.as_measured()
-    return with_wind(view, sensor.columns(view))
 
 
 def _airspeed(view: FlightView) -> Columns:
