@@ -5,6 +5,7 @@ Long flights are worked on in a process that is forked from one without threads,
 forked in turn: one per core (`aerodb.support.in_processes`). It remembers the flights of its run.
 """
 
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -42,6 +43,9 @@ OnFlights = Callable[Concatenate[StoredFlights, UpdatePlan, Given], Result]
 #: Samples of all flights together from which a process that can be forked saves more than it takes
 #: to start: a second, as much as the loop takes for that many.
 _WORTH: Final = 100_000
+#: Cores from which it does: on two, its start and loading the flights again take what forks save
+#: (ten flights of ten minutes: 61 s in one process, 64 to 68 s so).
+_CORES: Final = 3
 #: Modules that this process imports before it is forked.
 _NEEDS: Final = ("aerodb.tasks.steps.close_loop",)
 #: Memory that the process may take [bytes]: any, as the loop in the run's own process.
@@ -51,8 +55,10 @@ _ANY: Final = 2**60
 def in_own_process(flights: Sequence[str], *, workspace: str) -> bool:
     """Return whether the loop over these flights (ids) is worth a process of its own, in which the
     steps of this module run; the process that forks it is then started in the background."""
-    rows = access_workspace(workspace).catalogue.flights_by_id(flights).values()
     work = load_settings(Path(workspace)).work
+    if (os.cpu_count() or 1) < _CORES:
+        return False
+    rows = access_workspace(workspace).catalogue.flights_by_id(flights).values()
     if sum(row.samples for row in rows) < _WORTH or work.engine != "threads" or not work.confined:
         return False
     start_workers((), _NEEDS)

@@ -49,6 +49,7 @@ def test_the_result_is_the_same_in_a_process_of_its_own(
         return confined(function, *arguments, **keywords)
 
     monkeypatch.setattr(close_loop, "confined", counted)
+    monkeypatch.setattr(close_loop, "_CORES", 1)
     here = closed(made, tmp_path / "here", flights)
     assert not begun  # short flights: a process would take longer to start
     monkeypatch.setattr(close_loop, "_WORTH", 0)
