@@ -1,8 +1,8 @@
 """The closed loop: its rounds, their validation, what stays unexplained, and what differs between
 flights.
 
-Long flights are worked on in a process that is forked from one without threads, so that it can be
-forked in turn: one per core (`aerodb.support.in_processes`). It remembers the flights of its run.
+On more than two cores, long flights are worked on in a process without threads, which can be forked
+for each core (`aerodb.support.in_processes`). It remembers the flights of its run.
 """
 
 import os
@@ -43,8 +43,8 @@ OnFlights = Callable[Concatenate[StoredFlights, UpdatePlan, Given], Result]
 #: Samples of all flights together from which a process that can be forked saves more than it takes
 #: to start: a second, as much as the loop takes for that many.
 _WORTH: Final = 100_000
-#: Cores from which it does: on two, its start and loading the flights again take what forks save
-#: (ten flights of ten minutes: 61 s in one process, 64 to 68 s so).
+#: Fewest cores on which it does. On two, its start and loading the flights again take what forks
+#: save: ten flights of ten minutes take 61 s in one process, 64 to 68 s in forks.
 _CORES: Final = 3
 #: Modules that this process imports before it is forked.
 _NEEDS: Final = ("aerodb.tasks.steps.close_loop",)

@@ -1,4 +1,4 @@
-"""A closed loop over long flights, whose steps run in a process that is forked for each core."""
+"""A closed loop over long flights gives the same in a process that is forked for each core."""
 
 import shutil
 from pathlib import Path
