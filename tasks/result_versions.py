@@ -14,7 +14,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "compare": 23,
     "import": 3,
     "fly": 8,
-    "estimate": 28,
+    "estimate": 29,
     "update": 39,
     "gram": 22,
     "close_loop": 76,

@@ -20,9 +20,12 @@ A flight that lacks the thrust which its vehicle logs has no axis that contains 
 `rotors_beside` compares a flight of a vehicle that rotors carry, and says what its rotors and its
 battery do otherwise than the database.
 
+`thinned_comparison` takes a long flight to the rate that its band needs.
+
 `total` holds the coefficients, `angular_acceleration` the choice between logged angular
 accelerations and rates differentiated, `thrust` the thrust, `comparison` the comparison,
-`inputs` the inputs that flights lack, `finite` whether a database has values.
+`thinning` fewer samples, `inputs` the inputs that flights lack, `finite` whether a database has
+values.
 """
 
 from typing import TYPE_CHECKING
@@ -50,6 +53,7 @@ if TYPE_CHECKING:
         with_held_inputs,
     )
     from .rotors import rotors_beside
+    from .thinning import BRIDGED, LONG, OVERSAMPLING, clear, spacing, thinned_comparison
     from .thrust import THRUST_REMEDY, thrust_loads, thrust_share
     from .total import DEFAULT_BANDWIDTH, Coefficients, bandwidth_of, total_coefficients
 

@@ -14,6 +14,7 @@ from typing import Any, Final
 
 import numpy as np
 
+from aerodb.coefficients import thinned_comparison
 from aerodb.errors import InputError
 from aerodb.estimation import (
     AxisError,
@@ -77,7 +78,8 @@ def fit_parameters(
     """Return the fit of some parameters of a database by a method of equation error.
 
     Each stretch counts about its mean on each axis that the parameters reach: the rest is what
-    biased sensors may leave; not so without `own_constants`. Raises InputError for an unknown
+    biased sensors may leave; not so without `own_constants`. Long flights are thinned to the rate
+    that their band needs (`thinned_comparison`). Raises InputError for an unknown
     parameter, and where no stretch is long enough.
     """
     fit = _told(function, flights, names, database, own_constants)
@@ -111,8 +113,10 @@ def _told(
 ) -> Fit:
     """The fit, in which what the flights tell less of than the bounds has no value."""
     check_parameters_of(names, database)
+    whole = flights  # noise of deflections is told by their full rate
+    flights = [replace(f, comparison=thinned_comparison(f.comparison)) for f in flights]
     fit = _settled(function, flights, names, database, own_constants, {})
-    untold, noisy = _untold(fit, database), _noisy(fit, flights, database, own_constants)
+    untold, noisy = _untold(fit, database), _noisy(fit, whole, database, own_constants)
     untold |= {name: error for name, error in noisy.items() if name not in untold}
     if not untold:
         return fit

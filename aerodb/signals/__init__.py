@@ -34,6 +34,7 @@ if TYPE_CHECKING:
         first_order_lag,
         hold,
         is_out_of_proportion,
+        low_pass,
         low_pass_taps,
         resampler,
         uniform_grid,

@@ -6,10 +6,12 @@ mass, diameter nor speed of its rotors.
 
 import re
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+from aerodb.coefficients import thinning
 from aerodb.vehicle import parse_vehicle
 from tests.support.command import aerodb, asked
 from tests.support.multicopter_flight import (
@@ -76,8 +78,11 @@ def test_what_the_flight_tells_is_the_lumped_truth(flown: Path) -> None:
     assert found["rotor_drag"]["value"] == pytest.approx(drag, abs=0.01)
 
 
-def test_in_calm_air_the_truth_is_within_three_standard_errors(tmp_path: Path) -> None:
-    """With the inertia measured: a lag of one step less, 5 ms, moves the loss by 23 of them."""
+def test_in_calm_air_the_truth_is_within_three_standard_errors(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """With the inertia measured: a lag of one step less, 5 ms, moves the loss by 23 of them. So it is
+    where the flight counts as long and is thinned, with about the same standard errors."""
     write_px4(tmp_path / "calm.ulg", fly([11], 30.0, gusts=0.0))
     (tmp_path / "model.toml").write_text(MODEL)
     workspace = tmp_path / "workspace"
@@ -94,11 +99,15 @@ def test_in_calm_air_the_truth_is_within_three_standard_errors(tmp_path: Path) -
     ):
         done = aerodb(workspace, *words, folder=tmp_path)
         assert done.returncode == 0, done.stderr
-    words = ("estimate", "--vehicle", "quad", "--model", str(tmp_path / "model.toml"))
-    found = {
-        each["parameter"]: each["estimates"]["regression"]
-        for each in asked(workspace, *words)["parameters"]
-    }
+    asking = ("estimate", "--vehicle", "quad", "--model")
+    (tmp_path / "long.toml").write_text(f"{MODEL}# thinned\n")  # another key
+    found, thin = dict[str, Any](), dict[str, Any]()
+    for name, into in (("model", found), ("long", thin)):
+        into |= {
+            each["parameter"]: each["estimates"]["regression"]
+            for each in asked(workspace, *asking, str(tmp_path / f"{name}.toml"))["parameters"]
+        }
+        monkeypatch.setattr(thinning, "LONG", 10.0)
     truth = {
         "rotor_cT0": CT0 * DIAMETER**4 * FASTEST**2 / MASS,
         "rotor_cT1": CT1 * DIAMETER**3 * FASTEST / MASS,
@@ -108,6 +117,10 @@ def test_in_calm_air_the_truth_is_within_three_standard_errors(tmp_path: Path) -
     }
     for name, value in truth.items():
         assert abs(found[name]["value"] - value) < 3.0 * found[name]["standard_error"], name
+        assert abs(thin[name]["value"] - value) < 3.0 * thin[name]["standard_error"], name
+        assert thin[name]["value"] != found[name]["value"], name
+        ratio = thin[name]["standard_error"] / found[name]["standard_error"]
+        assert 0.7 < ratio < 1.4, name
 
 
 def test_intervals_without_airspeed_hold_the_truth_in_gusts(flown: Path) -> None:

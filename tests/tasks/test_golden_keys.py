@@ -38,7 +38,7 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "close_loop": (76, "9a6c0c1d5e543ca6", "b7cd226038e57476"),
     "fly": (8, "71fffe689ec4408f", "c1e07fb83cde1a03"),
     "import": (3, "2c4d0454b27962f7", "15d078bd64552f53"),
-    "estimate": (28, "5d329d65d496b930", "be09817f5df27dda"),
+    "estimate": (29, "99d693478690998f", "be09817f5df27dda"),
     "update": (39, "6a7b35b64c83fdf9", "6b1983884f9e9ae7"),
 }
 

@@ -9,6 +9,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from aerodb.coefficients import BRIDGED
 from aerodb.errors import InputError
 from aerodb.signals import PASS_EDGE, low_pass_taps, runs
 from aerodb.support import Array, Mask
@@ -18,9 +19,6 @@ from aerodb.tracing.settings import TracingSettings
 #: Axis -> one array (m, hypotheses + 2) per stretch: constant, columns, residual.
 Records = Mapping[str, Sequence[Array]]
 
-#: Gaps shorter than this part of a period of the band's edge are bridged by straight lines,
-#: residual and columns alike.
-BRIDGED = 0.25
 #: Samples after decimation that a stretch must have beyond the filter's order and its ends.
 SHORTEST = 8
 #: A sample near an end is left out whose noise the low-pass leaves more than this many times

@@ -10,19 +10,12 @@ from dataclasses import replace
 
 import numpy as np
 
-from aerodb.coefficients import Comparison
+from aerodb.coefficients import BRIDGED, LONG, Comparison, clear, spacing
 from aerodb.flight import Flight
 from aerodb.nomenclature import AXES
-from aerodb.signals import bridge, runs
-from aerodb.support import Array, Mask
-from aerodb.tracing.evidence.low_pass import BRIDGED, slower
-
-#: The rate that stays, in bandwidths at least: products of three channels fold into the band only
-#: what lies above 3.6 of it.
-OVERSAMPLING = 12.0
-#: From this duration on [s] a flight is long: it is thinned, and one copy with more state noise is
-#: enough of it.
-LONG = 300.0
+from aerodb.signals import bridge
+from aerodb.support import Array
+from aerodb.tracing.evidence.low_pass import slower
 
 
 def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[Flight, Comparison]:
@@ -33,7 +26,7 @@ def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[F
     the filter has mixed in what is beyond it. Both are returned as they are where k is one, and for
     a flight that is not LONG, where thinning saves little.
     """
-    every = int(1.0 / (OVERSAMPLING * bandwidth * flight.step))
+    every = spacing(flight.step, bandwidth)
     if every < 2 or flight.duration < LONG:
         return flight, comparison
     kept = slice(None, None, every)
@@ -57,7 +50,7 @@ def thinned(flight: Flight, comparison: Comparison, bandwidth: float) -> tuple[F
         measured={axis: measured for axis, (measured, _) in sides.items()},
         sigma={axis: comparison.sigma[axis][kept] for axis in usable},
         predicted={axis: predicted for axis, (_, predicted) in sides.items()},
-        usable={axis: _clear(good, longest, every)[kept] for axis, good in usable.items()},
+        usable={axis: clear(good, longest, every)[kept] for axis, good in usable.items()},
         outside=comparison.outside[kept],
         bandwidth=None
         if comparison.bandwidth is None
@@ -79,13 +72,3 @@ def _slower_channels(flight: Flight, every: int) -> dict[str, Array]:
         name: np.where(finite[name][::every], slow.get(name, np.nan), np.nan)
         for name in flight.channels
     }
-
-
-def _clear(usable: Mask, longest: int, every: int) -> Mask:
-    """The mask without samples that are nearer than `every` to a gap of more than `longest`."""
-    clear = np.zeros(len(usable), dtype=np.bool_)
-    for first, last in runs(usable, bridge=longest):
-        start = first if first == 0 else first + every
-        end = last if last == len(usable) - 1 else last - every
-        clear[start : end + 1] = usable[start : end + 1]
-    return clear
