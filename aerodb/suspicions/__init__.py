@@ -1,7 +1,8 @@
 """What looks wrong in a flight, by itself and against its vehicle, before estimation.
 
 `examine` returns the findings on a flight by itself: suspected faults of sign, unit and wiring
-(`plausibility`, `hypotheses`), with its segments and delays. Then physics, beside its vehicle:
+(`plausibility`, `hypotheses`), with its segments and delays. Then physics, beside its vehicle,
+where that is known:
 
 1. `air`: density, pressure, temperature, altitude, airspeed, dynamic pressure, each against the
    others.
@@ -18,8 +19,7 @@
    aileron and rudder exchanged (`exchanged`), mass, CG and thrust (`loads`), a rotor
    that thrusts less or more than the others (`rotors`), rotors in another order (`rotor_order`).
 
-`against_vehicle` runs the first eight (`examined_beside` after `examine`) and
-`against_database` the last. They return suspicions
+`against_vehicle` runs the first eight and `against_database` the last. They return suspicions
 (`aerodb.conditioning.Suspicion`), and `limits_flight` says which of these limit the verdict. The
 margins are those of aircraft of all sizes, and nothing is said where a flight cannot decide.
 """
@@ -31,7 +31,7 @@ from aerodb.lazy_faces import attach
 if TYPE_CHECKING:
     from .air import air_suspicions
     from .database import against_database
-    from .every import against_vehicle, examine, examined_beside, limited_document, limits_flight
+    from .every import against_vehicle, examine, limited_document, limits_flight
     from .plausibility import start_suspicions
     from .rotors import BATTERY, rotor_suspicions, speed_by_voltage
 

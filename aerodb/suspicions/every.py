@@ -1,7 +1,6 @@
 """All checks of a flight against its vehicle."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import replace
 from typing import Any
 
 from aerodb.conditioning import Conditioning, Suspicion, delays, ground_and_air, segments
@@ -87,39 +86,23 @@ def limits_flight(suspicion: Suspicion) -> bool:
     return told or suspicion.channel in _OUT_OF_REACH
 
 
-def examined_beside(
-    flight: Flight, vehicle: Vehicle, clocks: tuple[Suspicion, ...] = ()
+def examine(
+    flight: Flight, clocks: tuple[Suspicion, ...] = (), vehicle: Vehicle | None = None
 ) -> Conditioning:
     """Return the findings on a flight whose unusable samples are flagged: those of conditioning,
-    then what contradicts physics, given its vehicle.
+    then what contradicts physics beside its vehicle, where that is known (`against_vehicle`).
 
-    clocks : suspicions about the time stamps of its recording. Channels are (n,), sizes in [m]; see
-    `examine` and `against_vehicle`.
+    clocks : suspicions about the time stamps of its recording (`clock_suspicions`). Delays are
+    estimated over the longest airborne stretch. Channels are (n,), sizes in [m].
     """
-    size = vehicle.reference
-    found = examine(flight, clocks, size.span, size.chord)
-    suspected = {each.channel for each in found.suspicions if each.kind != FAILED}
-    more = against_vehicle(flight, vehicle, suspected)
-    return replace(found, suspicions=(*found.suspicions, *more))
-
-
-def examine(
-    flight: Flight,
-    clocks: tuple[Suspicion, ...] = (),
-    span: float | None = None,
-    chord: float | None = None,
-) -> Conditioning:
-    """Return the findings on a flight whose unusable samples are flagged.
-
-    clocks : suspicions about the time stamps of its recording (`clock_suspicions`). span, chord :
-    of the vehicle [m], where it is known. Delays are estimated over the longest airborne stretch.
-    """
-    flight_segments = segments(flight)
-    return Conditioning(
-        (*clocks, *failed_suspicions(flight), *suspicions(flight, span, chord)),
-        flight_segments,
-        delays(flight, during=_longest_in_the_air(flight)),
-    )
+    size = None if vehicle is None else vehicle.reference
+    span, chord = (None, None) if size is None else (size.span, size.chord)
+    found = (*clocks, *failed_suspicions(flight), *suspicions(flight, span, chord))
+    if vehicle is not None:
+        suspected = {each.channel for each in found if each.kind != FAILED}
+        found = (*found, *against_vehicle(flight, vehicle, suspected))
+    late = delays(flight, during=_longest_in_the_air(flight))
+    return Conditioning(found, segments(flight), late)
 
 
 def _longest_in_the_air(flight: Flight) -> tuple[float, float] | None:

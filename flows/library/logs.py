@@ -33,7 +33,7 @@ from aerodb.storage.files import read_recording
 from aerodb.storage.limits import Limits
 from aerodb.storage.mappings import builtin_mappings, load_mapping
 from aerodb.support import counted
-from aerodb.suspicions import examined_beside
+from aerodb.suspicions import examine
 from aerodb.tables import AeroDatabase
 from aerodb.tasks.workers import parsed_log
 from aerodb.vehicle import Vehicle, parse_vehicle
@@ -158,7 +158,7 @@ def log_of(
     """
     layout = mapping or choose_mapping(recording, builtin_mappings().values())
     flight = usable_flight(recording, layout, vehicle, flight_id=recording.sha256)
-    found = examined_beside(flight, vehicle, mapped_clock_suspicions(recording, layout))
+    found = examine(flight, mapped_clock_suspicions(recording, layout), vehicle)
     used = without_wild_points(flight)
     return Log(name or recording.source, recording, used, vehicle, found, calibration)
 

@@ -5,7 +5,7 @@ from aerodb.flight import Flight
 from aerodb.logs import Mapping, mapped_clock_suspicions
 from aerodb.storage.catalogue import FlightRow, StoredFile
 from aerodb.storage.files import read_recording, read_results, write_results
-from aerodb.suspicions import examined_beside, start_suspicions
+from aerodb.suspicions import examine, start_suspicions
 from aerodb.tasks.stored_steps import StoredResult
 from aerodb.tasks.workspace_access import WorkspaceAccess
 
@@ -30,7 +30,7 @@ def examined(access: WorkspaceAccess, flight: Flight, mapping: Mapping) -> Condi
     # Where the mapping takes time from a field, fields are needed; else the stamps will do.
     recording = read_recording(access.topics_of(flight.log_sha256), fields=mapping.time is not None)
     vehicle, _ = access.vehicle(flight.vehicle)
-    return examined_beside(flight, vehicle, mapped_clock_suspicions(recording, mapping))
+    return examine(flight, mapped_clock_suspicions(recording, mapping), vehicle)
 
 
 def load_conditioning(

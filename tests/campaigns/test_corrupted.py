@@ -10,7 +10,7 @@ import pytest
 
 from aerodb.conditioning import flag_unusable
 from aerodb.conditioning.frozen import torn
-from aerodb.suspicions import examined_beside, limits_flight
+from aerodb.suspicions import examine, limits_flight
 from aerodb.suspicions.failed import failed_suspicions
 from tests.campaigns.corrupted import (
     Count,
@@ -80,7 +80,7 @@ def test_a_coarse_rate_that_freezes_is_told(tmp_path: Path) -> None:
     pair = jsbsim(tmp_path, "737", "coarse")
     held = np.where(pair.flight.time > 20.0, pair.flight["q"][500], pair.flight["q"])
     frozen = replace(pair, flight=flag_unusable(pair.flight.with_channels({"q": held})))
-    told = examined_beside(frozen.flight, frozen.vehicle).suspicions
+    told = examine(frozen.flight, vehicle=frozen.vehicle).suspicions
     assert [each.channel for each in told] == ["q"]
 
 
