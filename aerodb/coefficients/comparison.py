@@ -87,6 +87,25 @@ class Comparison:
         """measured - predicted on `axis`, (n,)."""
         return self.measured[axis] - self.predicted[axis]
 
+    def beside(
+        self, flight: Flight, database: AeroDatabase
+    ) -> tuple[
+        Flight,
+        AeroDatabase,
+        Mapping[str, Array],
+        Mapping[str, Array],
+        Mapping[str, NDArray[np.bool_]],
+        float | None,
+    ]:
+        """Return what suspicions look at, in their order (`aerodb.suspicions.against_database`).
+
+        flight, database : those compared, channels (n,) in SI units; the flight comes back with all
+        inputs that it has. Then measured, predicted and usable as here, and the bandwidth in Hz.
+        Raises InputError as `as_inputs` does.
+        """
+        inputs = as_inputs(flight, database, self.bandwidth)
+        return inputs, database, self.measured, self.predicted, self.usable, self.bandwidth
+
     def summary(self, axis: str) -> dict[str, float]:
         """Number of usable samples of `axis`, and over them what was measured and what is left.
 

@@ -1,6 +1,6 @@
 """What the rotors of a flight say beside a database: the flight's coefficients, compared."""
 
-from aerodb.coefficients.comparison import as_inputs, compare
+from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.conditioning import Suspicion
 from aerodb.flight import Flight
@@ -17,12 +17,5 @@ def rotors_beside(
     Raises InputError as `total_coefficients` and `compare` do.
     """
     coefficients = total_coefficients(flight, vehicle)
-    beside = compare(flight, coefficients, database, vehicle.reference)
-    return rotor_suspicions(
-        as_inputs(flight, database, beside.bandwidth),
-        database,
-        beside.measured,
-        beside.predicted,
-        beside.usable,
-        beside.bandwidth,
-    )
+    compared = compare(flight, coefficients, database, vehicle.reference)
+    return rotor_suspicions(*compared.beside(flight, database))

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.coefficients import Comparison, as_inputs, compare
+from aerodb.coefficients import Comparison, compare
 from aerodb.conditioning import Suspicion, suspicion_documents, suspicions_from
 from aerodb.errors import InputError, failing_alone
 from aerodb.exchange import database_document_sha256
@@ -95,22 +95,6 @@ def _compared(flight: str, workspace: str, run: str, version: str) -> dict[str, 
     }
 
 
-def _contradictions(
-    loaded: FlightComparison, database: AeroDatabase, vehicle: Vehicle
-) -> tuple[Suspicion, ...]:
-    """Return what in a flight contradicts the database that it was compared with."""
-    comparison = loaded.comparison
-    return against_database(
-        as_inputs(loaded.flight, database, comparison.bandwidth),
-        database,
-        comparison.measured,
-        comparison.predicted,
-        comparison.usable,
-        comparison.bandwidth,
-        vehicle,
-    )
-
-
 def _judge(
     access: WorkspaceAccess,
     row: FlightRow,
@@ -151,7 +135,8 @@ def load_comparison(
     result = StoredResult(access, "compare", "comparison", inputs, flight=row.id)
     path = result.stored()
     if path is None:
-        found = _contradictions(compared, access.database(version), access.vehicle(row.vehicle)[0])
+        beside = comparison.beside(compared.flight, access.database(version))
+        found = against_database(*beside, access.vehicle(row.vehicle)[0])
         metadata = {
             "notes": list(comparison.notes),
             "version": version,

@@ -23,7 +23,7 @@ from typing import Any
 
 import numpy as np
 
-from aerodb.coefficients.comparison import as_inputs, compare
+from aerodb.coefficients.comparison import compare
 from aerodb.coefficients.total import total_coefficients
 from aerodb.conditioning import Suspicion, flag_unusable
 from aerodb.consistency import make_consistent
@@ -182,15 +182,7 @@ def noticed_beside(pair: Pair) -> tuple[Suspicion, ...]:
     if database is None:
         return ()
     compared = compare(flight, total_coefficients(flight, vehicle), database, vehicle.reference)
-    return against_database(
-        as_inputs(flight, database, compared.bandwidth),
-        database,
-        compared.measured,
-        compared.predicted,
-        compared.usable,
-        compared.bandwidth,
-        vehicle,
-    )
+    return against_database(*compared.beside(flight, database), vehicle)
 
 
 def residuals(pair: Pair) -> dict[str, tuple[float, float]]:

@@ -2,14 +2,17 @@
 
 ``python -m tests.campaigns.gate --aircraft 737 f16 --folder FOLDER`` prepares five flights of each
 aircraft, makes updates and asks the gate. Right updates correct an error planted in the database,
-from flights with the errors that the vehicle file states. Harmful ones are declared on a right
-database, from flights whose sensors, surfaces or vehicle data are wrong. ``--unstated`` makes right
-ones of flights of which the vehicle file states nothing. One line of JSON per update is appended to
-``updates.jsonl``; ``--report`` prints its table, with bounds of 95 % (Clopper & Pearson, 1934).
+from flights with the errors that the vehicle file states. Where the gate refuses one, the command
+that it names is run with a reason. Harmful ones are declared on a right database, from flights
+whose sensors, surfaces or vehicle data are wrong; nobody states a reason for them. ``--unstated``
+makes right ones of flights of which the vehicle file states nothing. One line of JSON per update is
+appended to ``updates.jsonl``; ``--report`` prints its table, with bounds of 95 % (Clopper &
+Pearson, 1934).
 """
 
 import argparse
 import json
+import shlex
 import shutil
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -104,8 +107,11 @@ def model_text(declared: Mapping[str, Sequence[str]]) -> str:
     )
 
 
-def asked_gate(workspace: Path, vehicle: str, model: str, baseline: str = "") -> dict[str, Any]:
-    """An update of a workspace by commands, and what the gate says of it."""
+def asked_gate(
+    workspace: Path, vehicle: str, model: str, baseline: str = "", reason: str = ""
+) -> dict[str, Any]:
+    """An update of a workspace by commands, and what the gate says of it; with a reason, also what
+    comes of the command that the gate names where it refuses."""
     file = workspace.parent / "model.toml"
     file.write_text(model)
 
@@ -126,12 +132,27 @@ def asked_gate(workspace: Path, vehicle: str, model: str, baseline: str = "") ->
     return {
         "released": gate["passed"],
         "failed": [check["label"] for check in checks],
-        "why": [reason for check in checks for reason in check["reasons"]][:6],
+        "why": [each for check in checks for each in check["reasons"]][:6],
         "rivals": {each["hypothesis"]: each["value"] for each in update["rivals"]},
         "acceptable": gate["acceptable"],
+        "lifted": bool(
+            reason and not gate["passed"] and _lifts(workspace, vehicle, update["label"], reason)
+        ),
         "candidate": update["candidate"],
         "cpu": round(cpu, 2),
     }
+
+
+def _lifts(workspace: Path, vehicle: str, label: str, reason: str) -> bool:
+    """Whether the command that the gate prints for people releases the version that it refuses."""
+    place = ["--workspace", str(workspace)]
+    gate = ["version", "gate", label, "--vehicle", vehicle]
+    told = CliRunner().invoke(app, [*place, *gate]).stdout.splitlines()
+    named = [line.split(maxsplit=1)[1] for line in told if line.startswith("  next ")]
+    words = [reason if word == "..." else word for word in shlex.split(named[0])]
+    if words[:3] != ["aerodb", "version", "promote"]:
+        return False
+    return CliRunner().invoke(app, [*place, *words[1:]]).exit_code == 0
 
 
 def errors(
@@ -194,7 +215,8 @@ def right(
             ["--workspace", str(workspace), "version", "promote", version, "--vehicle",
              craft.vehicle, "--reason", "planted"],
         )  # fmt: skip
-        found = asked_gate(workspace, craft.vehicle, model_text(RIGHT[kind]), version)
+        model = model_text(RIGHT[kind])
+        found = asked_gate(workspace, craft.vehicle, model, version, "measured on the ground")
         before = errors(wrong, craft.database(), clean)
         yield {
             "set": f"right, {name}",
@@ -274,17 +296,20 @@ def table(lines: Sequence[Mapping[str, Any]]) -> str:
         part = [line for line in part if (_is_right(line) if wanted else line["harm"] > HARM)]
         for kind in (*dict.fromkeys(line["kind"] for line in part), ""):
             own = [line for line in part if line["kind"] == kind or not kind]
-            count = sum(line["released"] != wanted for line in own)
-            why = sorted(
-                {label for line in own if not line["released"] for label in line["failed"]}
-            )
-            low, high = bounds(count, len(own))
-            word = "refused" if wanted else "released"
-            rows.append(
-                f"{name:16} {kind or 'all':24} {word} {count} of {len(own)}"
-                f" ({low:.1%} to {high:.1%}) {', '.join(why)}"
-            )
+            refused = [line for line in own if not line["released"]]
+            why = ", ".join(sorted({label for line in refused for label in line["failed"]}))
+            counts = {"released": len(own) - len(refused)}
+            if wanted:
+                still = sum(not line.get("lifted") for line in refused)
+                counts = {"refused": len(refused), "also with a reason": still}
+            said = "; ".join(_share(word, count, len(own)) for word, count in counts.items())
+            rows.append(f"{name:16} {kind or 'all':24} {said} {why}")
     return "\n".join(rows)
+
+
+def _share(word: str, count: int, of: int) -> str:
+    low, high = bounds(count, of)
+    return f"{word} {count} of {of} ({low:.1%} to {high:.1%})"
 
 
 def main() -> None:
