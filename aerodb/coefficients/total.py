@@ -237,7 +237,7 @@ def _rates(
         smooth(flight[name], flight.step, band, _declared_noise(vehicle, name)) for name in "pqr"
     ]
     omega = np.column_stack([bridge(flight[name]) for name in "pqr"])
-    if source == "chosen":
+    if source == "chosen" and any(f"{name}dot" in flight for name in "pqr"):
         choice = choose_angular_accelerations(flight, band)
         if choice.because:
             notes.append(choice.because)

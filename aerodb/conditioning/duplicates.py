@@ -16,7 +16,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.ndimage import gaussian_filter1d
+from scipy.ndimage import gaussian_filter1d, maximum_filter1d
 
 from aerodb.flight import Flight
 from aerodb.signals import bridge
@@ -216,7 +216,7 @@ def _low_passed(flight: Flight, name: str) -> tuple[Array, NDArray[np.bool_]]:
     good = flight.usable([name])
     values = bridge(np.where(good, flight[name], np.nan)) if good.any() else np.zeros(len(good))
     reach = int(np.ceil(4.0 * BLUR / flight.step))
-    hurt = np.convolve(~good, np.ones(2 * reach + 1), mode="same") > 0.5
+    hurt = maximum_filter1d(~good, 2 * reach + 1, mode="constant", cval=False)
     hurt[:reach] = hurt[len(hurt) - reach :] = True
     low: Array = gaussian_filter1d(values, BLUR / flight.step, mode="nearest")
     return low, ~hurt

@@ -33,17 +33,27 @@ _ROUGH: Final = 50
 class SmoothedRecord:
     """A smoothed record.
 
-    rate : (n,), time derivative. bandwidth : Hz. noise : standard deviation of the white noise of
-    the input, same unit. rate_sigma : standard deviation of the noise that remains in the rate.
-    line : (n,), through the end points. series : (n - 2,), sine series of the rest.
+    bandwidth : Hz. noise : standard deviation of the white noise of the input, same unit.
+    rate_sigma : standard deviation of the noise that remains in the rate. line : (n,), through the
+    end points. series, omega : (n - 2,), sine series of the rest and its frequencies [rad/s].
+    step [s].
     """
 
-    rate: Array
     bandwidth: float
     noise: float
     rate_sigma: float
     line: Array = field(repr=False)
     series: Array = field(repr=False)
+    omega: Array = field(repr=False)
+    step: float = field(repr=False)
+
+    @cached_property
+    def rate(self) -> Array:
+        """(n,), time derivative."""
+        n, slope = len(self.line), self.line[-1] - self.line[0]
+        cosine = np.zeros(n)
+        cosine[1:-1] = self.series * self.omega
+        return np.asarray(slope / ((n - 1) * self.step) + 0.5 * _cosine_transform(cosine))
 
     @cached_property
     def value(self) -> Array:
@@ -74,23 +84,20 @@ def smooth(
     frequency.
     """
     line, series, frequency, gain = _spectrum(values, step, bandwidth)
-    n, slope = len(line), (line[-1] - line[0]) / ((len(line) - 1) * step)
+    n = len(line)
     if noise is None:
         above = series[frequency > bandwidth * (1 + ROLL_OFF)]
         noise = float(np.sqrt(0.5 * (n - 1) * np.mean(above**2))) if len(above) else 0.0
     omega = 2 * np.pi * frequency
-    kept = gain * series
-    cosine = np.zeros(n)
-    cosine[1:-1] = kept * omega
-    rate = slope + 0.5 * _cosine_transform(cosine)
     share = noise / np.sqrt(n - 1)
     return SmoothedRecord(
-        rate=rate,
         bandwidth=bandwidth,
         noise=noise,
         rate_sigma=share * float(np.sqrt(np.sum((gain * omega) ** 2))),
         line=line,
-        series=kept,
+        series=gain * series,
+        omega=omega,
+        step=step,
     )
 
 

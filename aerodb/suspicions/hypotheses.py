@@ -7,6 +7,7 @@ makes all channels agree is the likely cause.
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Final
 
 import numpy as np
@@ -70,7 +71,12 @@ class FaultExplanation:
     after: float
 
 
-def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> dict[str, float]:
+def agreement(
+    channels: Channels,
+    step: float,
+    names: Iterable[str] = ALL,
+    shown: Mapping[str, Array] = MappingProxyType({}),
+) -> dict[str, float]:
     """Return the agreement of each channel with its kinematics, ``2 y.Y / (y.y + Y.Y)``.
 
     y is the measured and Y the kinematic channel in the band. 1: equal, 0: unrelated or of another
@@ -81,13 +87,15 @@ def agreement(channels: Channels, step: float, names: Iterable[str] = ALL) -> di
     channels : name -> (n,), SI, all finite; accelerations as ``ax ay az``
     step : s
     names : channels to compare
+    shown : some channels (n,) in the band, where they are known already
     """
     agreements = {}
     for name in names:
         path = _path(name, channels, step)
         if path is None:
             continue
-        ours, theirs = _passed(channels[name], step), _passed(path, step)
+        ours = shown[name] if name in shown else _passed(channels[name], step)
+        theirs = _passed(path, step)
         size = float(ours @ ours + theirs @ theirs)
         moving = float(np.sqrt(size / len(ours))) > LEAST_MOTION.get(name, STILL)
         if np.isfinite(size) and moving:
@@ -110,15 +118,17 @@ def explain(channels: Channels, step: float) -> FaultExplanation | None:
     bad = tuple(name for name, value in before.items() if value < DISAGREES)
     if not bad:
         return None
+    shown = {name: _passed(channels[name], step) for name in before}
     tried: list[tuple[float, float, SingleFault]] = []
     for fault in _faults(channels):
-        after = _undone(channels, fault, before, step)
+        after = _undone(channels, fault, before, step, shown, bad)
         mended = [
             name
             for name in bad
             if after.get(name, -1.0) > WELL_EXPLAINED and after[name] - before[name] > 0.5
         ]
         if mended:
+            after = _undone(channels, fault, before, step, shown)
             total = sum(after.get(name, 0.0) for name in before) - ALIKE * (fault.kind == "radians")
             tried.append((total, max(after[name] for name in mended), fault))
     if not tried:
@@ -129,13 +139,20 @@ def explain(channels: Channels, step: float) -> FaultExplanation | None:
 
 
 def _undone(
-    channels: Channels, fault: SingleFault, before: dict[str, float], step: float
+    channels: Channels,
+    fault: SingleFault,
+    before: dict[str, float],
+    step: float,
+    shown: Mapping[str, Array],
+    among: Iterable[str] = ALL,
 ) -> dict[str, float]:
-    """Return the agreement with a fault corrected; recomputed only for the channels affected."""
+    """Return the agreement with a fault corrected; recomputed only for the channels affected that
+    are asked for."""
     changed = fault.undo(channels)
-    concerned = [name for name in ALL if not changed.keys().isdisjoint(_INVOLVED[name])]
+    concerned = [name for name in among if not changed.keys().isdisjoint(_INVOLVED[name])]
     kept = {name: value for name, value in before.items() if name not in concerned}
-    return {**kept, **agreement({**channels, **changed}, step, concerned)}
+    same = {name: values for name, values in shown.items() if name not in changed}
+    return {**kept, **agreement({**channels, **changed}, step, concerned, same)}
 
 
 def _faults(channels: Channels) -> list[SingleFault]:

@@ -81,18 +81,22 @@ def rotor_suspicions(
         return ()
     high = min(bandwidth or HIGHEST, HIGHEST, 0.4 / flight.step)
     every = max(1, int(0.25 / (high * flight.step)))
+    known: dict[int, tuple[Array, Array]] = {}  # several checks ask for the same columns
 
     def banded(values: Array) -> Array:
-        kept = low_passed(np.where(good, values, np.nan), flight.step, high)
-        return np.asarray(kept[::every][good[::every]])
+        if id(values) not in known:
+            kept = low_passed(np.where(good, values, np.nan), flight.step, high)
+            known[id(values)] = values, np.asarray(kept[::every][good[::every]])
+        return known[id(values)][1]
 
     order = order_suspicions(flight, database, measured, good, banded)
     if order:
         return order
     voltage = _voltage(flight, good)
-    sag = _sag(flight, measured["CZ"], predicted["CZ"], voltage, banded)
+    anywhere = _anywhere(flight)
+    sag = _sag(anywhere, measured["CZ"], predicted["CZ"], voltage, banded)
     effects = _effects(flight, database, names)
-    shared = [banded(column) for column in _anywhere(flight)]
+    shared = [banded(column) for column in anywhere]
     lengths, left, shares = [], [], {name: list[Array]() for name in names}
     for axis in axes:
         own = _on_axis(flight, axis, measured, predicted)
@@ -159,7 +163,7 @@ def _voltage(flight: Flight, good: NDArray[np.bool_]) -> Array | None:
 
 
 def _sag(
-    flight: Flight,
+    anywhere: Sequence[Array],
     measured: Array,
     predicted: Array,
     voltage: Array | None,
@@ -172,7 +176,7 @@ def _sag(
         return ()
     level = banded(voltage)
     middle = float(np.mean(level))
-    constant, run, *flow = _anywhere(flight)
+    constant, run, *flow = anywhere
     free = np.column_stack(
         [banded(each) for each in (constant, *flow, predicted, predicted * np.abs(predicted))]
     )
