@@ -8,7 +8,7 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 11,
-    "conditioning": 35,
+    "conditioning": 36,
     "consistency": 29,
     "coefficients": 5,
     "compare": 23,

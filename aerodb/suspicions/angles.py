@@ -6,11 +6,12 @@ Control and Simulation, 3rd ed., section 2.5). A sensor that is late or filtered
 its own signal of the integral. A vane ahead of the CG shows a part of the rates. A vane whose
 upwash is not corrected, or divided by instead of multiplied, changes more. Gusts move the vane
 alone, and the aircraft yields to them: less is explained, the vane changes less than the motion,
-and accelerometers seem early. Of that nothing is said.
+and accelerometers seem early. Of that nothing is said. A vane that is late, or behind a filter,
+shows what the motion made it a while ago, which no gust does.
 """
 
 import contextlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from typing import Final
 
@@ -30,11 +31,11 @@ from aerodb.conditioning import (
 from aerodb.errors import InputError
 from aerodb.estimation import Regression, least_squares, samples_per_independent
 from aerodb.flight import Flight
-from aerodb.signals import band_passed, bridge, integrated
-from aerodb.support import Array, half_interval
+from aerodb.signals import band_passed, bridge, first_order_lag, integrated
+from aerodb.support import HALF, Array, half_interval
 from aerodb.suspicions.begin import explained_from
 from aerodb.suspicions.equation_error import averaged
-from aerodb.suspicions.evidence import ERRORS, LATE, LIKELIER, SWING, WELL_EXPLAINED
+from aerodb.suspicions.evidence import ERRORS, LATE, LIKELIER, SWING, WELL_EXPLAINED, likelier_by
 from aerodb.suspicions.in_flight import flying
 
 #: Angle -> the rates of which the place of its vane adds a part, and the sensor whose delay the
@@ -46,6 +47,15 @@ _SHOWN: Final = {
     "alpha": (("q",), "az"),
     "beta": (("r", "p"), "ay"),
 }
+#: Delays of a vane that are tried [s]: from twice `LATE` to half a period of the slowest swing that
+#: most aircraft have, beyond which a delay looks like another sign.
+_DELAYS: Final = (0.3, 0.4, 0.6, 0.8, 1.0)
+#: Time constants of a vane's filter that are tried [s]: from that of twice `LATE` to where it
+#: integrates all of the band.
+_FILTERS: Final = (0.4, 0.7, 1.0, 1.5, 2.0, 3.0)
+#: Share of what the motion leaves of a vane that a delay must explain: upwash, gusts and noise
+#: hold the rest.
+EXPLAINED: Final = HALF
 
 
 @dataclass(frozen=True, eq=False)
@@ -70,18 +80,24 @@ class _Angle:
     def fit(self, *more: Array) -> Regression | None:
         """The logged angle by the motion and further columns (n,); None where they do not explain
         it or where nothing moves."""
-        columns = np.column_stack([self.turned, *more])
+        found = self.by(self.turned, *more)
+        return found if found is not None and found.r_squared > WELL_EXPLAINED else None
+
+    def by(self, *columns: Array) -> Regression | None:
+        """The logged angle by columns (n,), however much they explain of it; None where they are
+        not told apart or nothing moves."""
+        if not np.std(self.turned) > SWING:
+            return None
         try:
-            found = least_squares(columns, self.shown, tuple(str(k) for k in range(len(columns.T))))
+            names = tuple(str(k) for k in range(len(columns)))
+            return least_squares(np.column_stack(columns), self.shown, names)
         except (ValueError, InputError):
             return None
-        told = found.r_squared > WELL_EXPLAINED and np.std(self.turned) > SWING
-        return found if told else None
 
 
 def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
-    """Return gyros that are late, or else accelerometers, or else an angle of attack that changes
-    more than the motion makes it change.
+    """Return gyros that are late, or else accelerometers, or else vanes, or else an angle of attack
+    that changes more than the motion makes it change.
 
     flight : with the upwash that the vehicle file declares taken off.
 
@@ -96,6 +112,9 @@ def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
         late = [said for each in angles if each.in_air == in_air for said in _late(each)]
         if late:
             return tuple(late)
+    behind = [said for each in angles if each.in_air for said in _behind(each)]
+    if behind:
+        return tuple(behind)
     return tuple(said for each in angles if each.name == "alpha" for said in _larger(each))
 
 
@@ -244,6 +263,50 @@ def _is_late(angle: _Angle, when: str, found: dict[str, float]) -> Suspicion:
         f" {angle.name} is early"
     )
     return Suspicion(angle.sensor, "delay", words, found)
+
+
+def _behind(angle: _Angle) -> Iterator[Suspicion]:
+    """A vane that shows what the motion made it a while ago; the claim pays for what is tried."""
+    made = (angle.turned, *angle.place)
+    step = float(np.median(np.diff(angle.time)))
+    right = angle.by(*made)
+    if right is None:
+        return
+    kinds: dict[str, tuple[Callable[[Array, float, float], Array], tuple[float, ...]]] = {
+        "late by about": (_delayed, _DELAYS),
+        "behind a filter of about": (first_order_lag, _FILTERS),
+    }
+    tried = {
+        (how, seconds): tuple(change(values, step, seconds) for values in made)
+        for how, (change, sizes) in kinds.items()
+        for seconds in sizes
+    }
+
+    def left(columns: tuple[Array, ...]) -> float:
+        basis = np.linalg.qr(np.column_stack(columns))[0]
+        rest = angle.shown - basis @ (basis.T @ angle.shown)
+        return float(rest @ rest)
+
+    (how, seconds), columns = min(tried.items(), key=lambda each: left(each[1]))
+    fit = angle.by(*columns)
+    if fit is None or fit.r_squared < WELL_EXPLAINED or not fit.estimates[0] > 0.0:
+        return
+    more = (1.0 - right.r_squared) / max(1.0 - fit.r_squared, 1e-12)
+    likelier = likelier_by(fit, more)
+    if 1.0 / more > 1.0 - EXPLAINED or likelier < LIKELIER + np.log(len(tried)):
+        return
+    words = (
+        f"{angle.name} is {how} {seconds:.2g} s: rates and accelerations make it change before it"
+        f" does. That explains {1.0 - 1.0 / more:.0%} of what they leave of it. A filter or the"
+        f" clock of {angle.name}, or rates and accelerations are early"
+    )
+    yield Suspicion(angle.name, "late", words, {"delay": seconds, "likelier": likelier})
+
+
+def _delayed(values: Array, step: float, seconds: float) -> Array:
+    """Values (n,) so much later [s], the first one until then."""
+    late = round(seconds / step)
+    return np.concatenate([np.full(late, values[0]), values[: len(values) - late]])
 
 
 def _larger(angle: _Angle) -> Iterator[Suspicion]:

@@ -112,6 +112,8 @@ NOT_DECIDING: Mapping[str, str] = {
     "suspicions.over_ground.STEP": "grid",
     "suspicions.over_ground._SECTORS": "grid",
     "suspicions.damping._AGO": "grid",
+    "suspicions.angles._DELAYS": "grid",
+    "suspicions.angles._FILTERS": "grid",
     "suspicions.sized_faults.STEP": "grid",
     "suspicions.sized_faults.STRETCHES": "grid",
     "suspicions.hypotheses.LONGEST": "size of a computation",

@@ -122,6 +122,47 @@ def test_gusts_make_no_accelerometer_late() -> None:
         assert angle_suspicions(flown(gusts=gusts)) == ()
 
 
+@pytest.mark.parametrize("seconds", [0.7, 1.5])
+def test_a_vane_behind_a_filter_is_told(seconds: float) -> None:
+    (found,) = angle_suspicions(filtered(flown(), "alpha", seconds))
+    assert (found.channel, found.kind) == ("alpha", "late")
+    # Two waves do not tell a filter from a delay: behind .7 s they come .38 and .51 s late.
+    assert 0.4 * seconds < found.evidence["delay"] <= seconds
+    assert not limits_flight(found)  # flight-path reconstruction judges it
+
+
+def test_a_vane_that_is_late_is_told() -> None:
+    flight = flown()
+    late = np.interp(flight.time - 0.4, flight.time, flight["alpha"])
+    (found,) = angle_suspicions(flight.with_channels({"alpha": late}))
+    assert (found.channel, found.kind) == ("alpha", "late")
+    assert found.evidence["delay"] == 0.4
+    assert "alpha is late by about 0.4 s" in found.sentence
+
+
+def test_a_vane_behind_a_filter_is_told_in_gusts() -> None:
+    (found,) = angle_suspicions(filtered(flown(gusts=0.003), "alpha", 0.7))
+    assert (found.channel, found.kind) == ("alpha", "late")
+
+
+def test_measured_vanes_behind_filters_are_told(measured: Callable[[str], Path]) -> None:
+    for record, name in (("attas/fAttasElv1.mat", "alpha"), ("attas/fAttasRud1.mat", "beta")):
+        flight = as_flight(measured(record))
+        assert angle_suspicions(flight) == ()
+        (found,) = angle_suspicions(filtered(flight, name, 1.5))
+        assert (found.channel, found.kind) == (name, "late")
+
+
+@pytest.mark.parametrize("seconds", [0.05, 0.1])
+def test_a_vane_that_is_hardly_late_is_none(seconds: float) -> None:
+    assert angle_suspicions(filtered(flown(), "alpha", seconds)) == ()
+
+
+@pytest.mark.parametrize("gusts", [0.003, 0.01, 0.03, 0.1])
+def test_gusts_make_no_vane_late(gusts: float) -> None:
+    assert angle_suspicions(flown(gusts=gusts)) == ()
+
+
 def test_where_gusts_move_the_vane_nothing_is_said() -> None:
     assert angle_suspicions(scaled(flown(gusts=0.03), 1.3**2)) == ()
 
