@@ -33,7 +33,7 @@ MOTION = {"pitch": ("alpha", "q"), "roll": ("beta", "p", "r"), "yaw": ("beta", "
 @dataclass(frozen=True)
 class EquationError:
     """What is regressed about one axis: the band-passed moment and its regressors, means of `every`
-    samples of the flight.
+    samples of the flight from its sample `first` on.
 
     bent : what the moment may depend on as well: the rate of the flow angle (downwash that lags)
     and its product with alpha (a slope that changes)."""
@@ -46,13 +46,14 @@ class EquationError:
     step: float
     every: int
     bent: Mapping[str, Array]
+    first: int = 0
 
     def thinned(self, values: Array) -> Array:
         """Return a channel of the flight at the samples of the regression.
 
         values : (n,), of which (m,) are left, as many as in `where`; the unit stays.
         """
-        return values[:: self.every][: len(self.where)]
+        return values[self.first :: self.every][: len(self.where)]
 
     def likeliest_lag(self, name: str, lags: Sequence[int]) -> int:
         """Return the shift (samples) of a control with which the regression explains most.
@@ -105,12 +106,19 @@ def equation_errors(
     if where.sum() < FEWEST or where.sum() * step < SETTLED or high < 0.5:
         return {}
     every = max(1, int(1.0 / (SAMPLES_PER_PERIOD * high * step)))
+    # Filters end where the flight does: held over a roll, a rate bends at touchdown.
+    flown = np.flatnonzero(where)
+    first, last = int(flown[0]), int(flown[-1]) + 1
+
+    def mean(values: Array) -> Array:
+        return averaged(values[first:last], every)
+
     raw = {name: np.where(where, along(flight, each), np.nan) for name, each in controls.items()}
-    raw = {name: averaged(v, every) for name, v in raw.items() if np.all(np.abs(v[where]) < HUGE)}
+    raw = {name: mean(v) for name, v in raw.items() if np.all(np.abs(v[where]) < HUGE)}
     load = None if "alpha" in flight else _load(flight, where)
-    clean = {name: averaged(np.where(where, flight[name], np.nan), every) for name in needed}
-    known = {name: averaged(values, every) for name, values in known.items()}
-    step, where = step * every, np.isfinite(averaged(np.where(where, 0.0, np.nan), every))
+    clean = {name: mean(np.where(where, flight[name], np.nan)) for name in needed}
+    known = {name: mean(values) for name, values in known.items()}
+    step, where = step * every, np.isfinite(mean(np.where(where, 0.0, np.nan)))
     smoothed = {name: smooth(clean[name], step, high) for name in rates}
     p, q, r = (smoothed[name].value for name in "pqr")
     pdot, qdot, rdot = (smoothed[name].rate for name in "pqr")
@@ -133,7 +141,7 @@ def equation_errors(
     states: dict[str, Array] = {**hats}
     states |= {name: clean[name] for name in ("alpha", "beta") if name in clean}
     if load is not None:
-        states["alpha"] = averaged(load, every)
+        states["alpha"] = mean(load)
     low = max(SLOWEST, 1.5 / (where.sum() * step))
 
     def banded(values: Array) -> Array:
@@ -170,6 +178,7 @@ def equation_errors(
                 f"{motion[0]} {how}": banded(values * np.nan_to_num(weight, nan=1.0))
                 for how, values in _bent(states, motion[0], step).items()
             },
+            first,
         )
     return found
 

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from aerodb.conditioning.segmentation import flagged
 from aerodb.suspicions import against_vehicle
 from aerodb.suspicions.changing import changing_suspicions
 from aerodb.suspicions.equation_error import equation_errors
@@ -20,16 +19,8 @@ KINDS = ("rudder reversed", "rudder x .4", "rudder held")
 
 @pytest.fixture(scope="module")
 def flight() -> Pair:
-    """The example's first flight until it touches down: its surfaces change in the air."""
-    pair = next(simulated(flights=1))
-    end = int(np.argmax(flagged(pair.flight, "on_ground")))
-    cut = replace(
-        pair.flight,
-        time=pair.flight.time[:end],
-        channels={name: values[:end] for name, values in pair.flight.channels.items()},
-        flags={name: bits[:end] for name, bits in pair.flight.flags.items()},
-    )
-    return replace(pair, flight=cut)
+    """The example's first flight, with its roll to standstill."""
+    return next(simulated(flights=1))
 
 
 @pytest.mark.parametrize("kind", KINDS)
