@@ -43,7 +43,7 @@ STAGES: Final[Mapping[str, tuple[str, ...]]] = {
         "aerodb.coefficients.total:total_coefficients",
         "aerodb.coefficients.comparison:compare",
     ),
-    "checks against the database": ("aerodb.tasks.steps.compare:_contradictions",),
+    "checks against the database": ("aerodb.suspicions.database:against_database",),
     "store: files": (
         "aerodb.storage.files.flights:write_flight",
         "aerodb.storage.files.flights:write_results",
