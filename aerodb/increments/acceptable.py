@@ -46,7 +46,7 @@ def judge_rivals(rivals: Sequence[Mapping[str, Any]], accepted: Collection[str])
         "sensors",
         "sensor errors that explain a change",
         left,
-        "the sensors are right",
+        "the log and the vehicle file are right",
     )
 
 

@@ -14,6 +14,7 @@ from aerodb.increments import (
     parse_model_file,
 )
 from aerodb.loop import SensorRival, freeze_library, sensor_rivals
+from aerodb.report import in_words
 from aerodb.tables.database import AeroDatabase, Term
 from aerodb.tables.expression import parse
 from aerodb.vehicle import Sensor
@@ -65,6 +66,14 @@ def test_a_wrong_vane_is_the_rival_of_the_slopes_that_absorb_it(source: FlightsI
     (reason,) = judge_rivals(documents, ()).reasons
     assert "alpha_scale@all explains" in reason
     assert judge_rivals(documents, {"alpha_scale@all"}).passed
+
+
+def test_the_remedy_is_typed_as_it_is_printed() -> None:
+    """Pages write the error in words, and what is to be typed as the gate takes it."""
+    check = judge_rivals([{"hypothesis": "inertia_error@all:Ixx", "shares": {"Cl": 1.0}}], ())
+    said = in_words(check.reasons[0])
+    assert said.startswith("the moment of inertia Ixx explains what changes on Cl")
+    assert f"if the log and the vehicle file are right: --accept {check.acceptable[0]}," in said
 
 
 def test_what_the_aircraft_has_beyond_its_database_has_no_rival(source: FlightsInMemory) -> None:
