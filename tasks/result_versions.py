@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 36,
     "consistency": 29,
     "coefficients": 5,
-    "compare": 23,
+    "compare": 24,
     "import": 3,
     "fly": 8,
     "estimate": 29,

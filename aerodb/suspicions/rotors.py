@@ -33,8 +33,9 @@ BATTERY: Final = "battery_voltage"
 _AXES: Final = ("CZ", "Cl", "Cm")
 #: Upper edge [Hz] of what is compared: that of the measured moments, and below the lag of motors.
 HIGHEST: Final = 4.0
-#: Least share of its thrust by which a rotor is said to differ: those of a kind differ by 1 to 2 %.
-#: So it is for what the battery takes from all: an accelerometer drifts by less.
+#: Least share of its thrust by which a rotor is said to differ, with all of its interval of 95 %:
+#: those of a kind differ by 1 to 2 %. So it is for what the battery takes from all: an
+#: accelerometer drifts by less.
 LEAST: Final = 0.04
 #: Fewest rotors of which one can be told from all.
 FEWEST_ROTORS: Final = 3
@@ -121,7 +122,8 @@ def rotor_suspicions(
     ranked = sorted(found, key=lambda name: abs(found[name][0]) / found[name][1], reverse=True)
     value, error = found[ranked[0]]
     size, next_size = (abs(found[name][0]) / found[name][1] for name in ranked[:2])
-    if size < ERRORS or abs(value) < LEAST or 0.5 * (size**2 - next_size**2) < LIKELIER:
+    least = abs(value) - half_interval(error)
+    if size < ERRORS or least < LEAST or 0.5 * (size**2 - next_size**2) < LIKELIER:
         return sag
     less = "less" if value < 0.0 else "more"
     words = (

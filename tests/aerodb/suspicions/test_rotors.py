@@ -20,6 +20,7 @@ from aerodb.logs import draft_rotorcraft, map_recording, read_autopilot
 from aerodb.parts import command_ranges
 from aerodb.storage.mappings import load_mapping
 from aerodb.storage.readers.ulog import read_ulog
+from aerodb.suspicions import rotors
 from aerodb.tables import AeroDatabase, with_parameters
 from aerodb.vehicle import Vehicle, parse_vehicle, with_mass_channels
 from tests.support.multicopter_flight import (
@@ -95,11 +96,17 @@ def named(
     return found
 
 
-def test_a_weak_rotor_is_named_in_wind(quad: Any, tmp_path: Path) -> None:
+def test_a_weak_rotor_is_named_in_wind(
+    quad: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And not where its interval holds what rotors of a kind differ by."""
     ((found,),) = named(quad, tmp_path, [300], strength=WEAK, wind=(2.0, 1.0))
     assert (found.channel, found.kind) == ("rotor_3", "thrust")
     assert found.evidence["share"] == pytest.approx(-0.08, abs=0.025)
     assert "8 % less" in found.sentence or "less than that of the others" in found.sentence
+    inside = abs(found.evidence["share"]) - found.evidence["standard_error"]
+    monkeypatch.setattr(rotors, "LEAST", inside)
+    assert named(quad, tmp_path, [300], strength=WEAK, wind=(2.0, 1.0)) == [()]
 
 
 @pytest.mark.parametrize(
