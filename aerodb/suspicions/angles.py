@@ -121,11 +121,15 @@ def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
 @dataclass(frozen=True, eq=False)
 class _Motion:
     """An angle and the rate that turns it, in the band of motion: means of `every` samples where
-    the aircraft flies and everything needed is usable, (m,)."""
+    the aircraft flies and everything needed is usable, (m,).
+
+    stretch : from the first such sample to the last, begun at a multiple of `every`: a rate that is
+    held over a roll would turn the angle on and on."""
 
     name: str
     channels: Mapping[str, Array]
     flown: NDArray[np.bool_]
+    stretch: slice
     step: float
     every: int
 
@@ -154,7 +158,7 @@ class _Motion:
         return KINEMATICS[self.name][0](self.channels)
 
     def _thin(self, values: Array) -> Array:
-        return averaged(np.where(self.flown, values, np.nan), self.every)
+        return averaged(np.where(self.flown, values, np.nan)[self.stretch], self.every)
 
     def _in_band(self, values: Array) -> Array:
         return band_passed(bridge(values), self.step, BAND[0], _highest(self.step))
@@ -178,7 +182,9 @@ def _motion(
         where &= channels["V"] > 0.0
     if where.sum() < max(20 * every, SETTLED / flight.step):
         return None
-    return _Motion(name, channels, where, step, every)
+    flown = np.flatnonzero(where)
+    stretch = slice(int(flown[0] // every * every), int(flown[-1]) + 1)
+    return _Motion(name, channels, where, stretch, step, every)
 
 
 def _angle(name: str, flight: Flight, channels: Mapping[str, Array]) -> _Angle | None:
@@ -192,7 +198,7 @@ def _angle(name: str, flight: Flight, channels: Mapping[str, Array]) -> _Angle |
         return _Angle(
             name,
             sensor if sensor in flight else f"{sensor}_imu",
-            averaged(flight.time, every)[inside],
+            averaged(flight.time[made.stretch], every)[inside],
             made.shown[inside],
             made.turned[inside],
             tuple(made.moving(channels[each])[inside] for each in place),
@@ -209,11 +215,14 @@ def off_motion(flight: Flight, every: int) -> dict[str, Array]:
     Gusts are in it, and all that is wrong with the vane or its channel; no constant is.
     """
     channels, found = with_accelerations(flight), {}
+    size = len(averaged(flight.time, every))
     for name in ("alpha", "beta"):
         made = _motion(name, flight, channels, every) if name in flight else None
         if made is not None and made.known.any():
             with contextlib.suppress(ValueError, InputError):
-                found[name] = np.where(made.known, made.shown - made.turned, 0.0)
+                off = np.where(made.known, made.shown - made.turned, 0.0)
+                before = made.stretch.start // every
+                found[name] = np.pad(off, (before, max(0, size - before - len(off))))[:size]
     return found
 
 

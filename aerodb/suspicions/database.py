@@ -55,6 +55,8 @@ from aerodb.vehicle import Vehicle
 LEAST = SMALL
 #: The same above which its unit is another; below minus `LEAST` its sign is reversed.
 LARGEST = 5.0
+#: The same above which no unit makes it: degrees for radians, and `LARGEST` beside.
+FURTHEST = float(np.rad2deg(LARGEST))
 #: How much a ratio may differ from one (one sigma of a normal distribution).
 USUAL = 0.35
 #: Lift coefficient by which the levels may differ beside that.
@@ -157,7 +159,10 @@ def _lift(
     if ratio is None:
         return []
     low, high = LIFTS[0] - ERRORS * ratio.error, LIFTS[1] + ERRORS * ratio.error
-    if not ratio.explained > WELL_EXPLAINED or low <= ratio.value <= high:
+    if not ratio.explained > WELL_EXPLAINED:
+        return []
+    # Errors of alpha make it small, to no less than r^2 of it (Frisch, 1934).
+    if ratio.value <= high and ratio.value / ratio.explained >= low:
         return []
     words = (
         f"the lift changes by {ratio.value:.3g} +- {half_interval(ratio.error):.2g} times what the"
@@ -199,7 +204,13 @@ def _size(share: Share) -> list[Suspicion]:
     if reversed_ and abs(ratio) * weight > PART:
         kind, words = "sign", f"{told}: its sign is flipped, or it is another surface's channel"
     elif own and ratio - ERRORS * error > LARGEST and ratio * weight > PART:
-        kind, words = "unit", f"{told}: its unit is another (radians taken for degrees)"
+        kind = "unit"
+        words = f"{told}: its unit is another (radians taken for degrees)"
+        if ratio - ERRORS * error > FURTHEST:
+            words = (
+                f"{told}, more than any unit makes it. It hardly moves, and another channel is"
+                " wrong that moves as it does: a flow angle, a rate or another control"
+            )
     elif abs(ratio) + ERRORS * error < LEAST and weight > PART:
         kind = "unit"
         words = f"{told}: its unit is another, or it is another surface's channel"

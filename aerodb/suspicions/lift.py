@@ -93,7 +93,8 @@ def _slope(flight: Flight, vehicle: Vehicle, name: str, mass: np.ndarray) -> tup
         LIFTS[0] * expected - ERRORS * error,
         (LIFTS[1] + BODY / ratio) * expected + ERRORS * error,
     )
-    if low <= slope <= high:
+    # Errors of alpha make the slope small, to no less than r^2 of it (Frisch, 1934).
+    if slope <= high and slope / fit.r_squared >= low:
         return ()
     words = (
         f"the normal force grows by {slope:.3g} +- {half_interval(error):.2g} per rad of alpha"

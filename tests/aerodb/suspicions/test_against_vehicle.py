@@ -11,6 +11,7 @@ from scipy.integrate import solve_ivp
 
 from aerodb.flight import Flight
 from aerodb.physics import standard_atmosphere
+from aerodb.signals import low_passed
 from aerodb.suspicions import against_vehicle, air_suspicions, limits_flight
 from aerodb.suspicions.controls import control_suspicions
 from aerodb.suspicions.drag import drag_suspicions
@@ -368,6 +369,19 @@ def test_weight_and_slope_of_the_lift(flight: Flight) -> None:
         reference={"area": 0.62, "chord": 0.2, "span": 3.2},
     )
     assert "another aircraft's" in lift_suspicions(flight, small)[0].sentence
+
+
+@pytest.mark.parametrize(("share", "told"), [(0.56, False), (0.37, True)])
+def test_errors_of_alpha_make_a_slope_small(flight: Flight, share: float, told: bool) -> None:
+    """A slope of .56 of the wing's that a vane's errors lower is no fault; one of .37 is with the
+    same errors."""
+    channels = {name: np.tile(values, 6) for name, values in flight.channels.items()}
+    time = STEP * np.arange(6 * len(flight.time))
+    errors = low_passed(np.random.default_rng(5).standard_normal(len(time)), STEP, 2.0)
+    errors *= 0.45 * np.std(flight["alpha"]) / np.std(errors)
+    long = Flight("long", "light", time, {**channels, "alpha": channels["alpha"] + errors})
+    found = lift_suspicions(long, wrong(mass={"mass": share * MASS}))
+    assert [each.channel for each in found] == ["mass"] * told
 
 
 @pytest.mark.parametrize("engines", [False, True])

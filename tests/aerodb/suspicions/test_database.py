@@ -166,6 +166,14 @@ def test_a_control_of_another_sign_or_unit(
     assert limits_flight(found)
 
 
+def test_more_than_a_unit_makes_is_another_channels() -> None:
+    """A control that hardly moves is not taken for one in another unit."""
+    made = changed(flight(), delta_elevator=flight()["delta_elevator"] / 5e3)
+    (found,) = [e for e in said(made, about_cg(), database()) if e.channel == "delta_elevator"]
+    assert "more than any unit makes it" in found.sentence
+    assert limits_flight(found)
+
+
 @pytest.mark.parametrize("seconds", [0.3, -0.3])
 @pytest.mark.parametrize("surface", ["elevator", "aileron", "rudder"])
 def test_a_late_or_early_control(surface: str, seconds: float) -> None:
