@@ -275,7 +275,8 @@ def _is_late(angle: _Angle, when: str, found: dict[str, float]) -> Suspicion:
 
 
 def _behind(angle: _Angle) -> Iterator[Suspicion]:
-    """A vane that shows what the motion made it a while ago; the claim pays for what is tried."""
+    """A vane that shows what the motion made it a while ago, all the time or from one time on; the
+    claim pays for what is tried."""
     made = (angle.turned, *angle.place)
     step = float(np.median(np.diff(angle.time)))
     right = angle.by(*made)
@@ -296,20 +297,49 @@ def _behind(angle: _Angle) -> Iterator[Suspicion]:
         rest = angle.shown - basis @ (basis.T @ angle.shown)
         return float(rest @ rest)
 
-    (how, seconds), columns = min(tried.items(), key=lambda each: left(each[1]))
+    found = min(tried, key=lambda each: left(tried[each]))
+    told = _told(angle, right, tried[found], len(tried))
+    if told is not None:
+        yield _is_behind(angle, "", *found, told)
+        return
+    basis = np.linalg.qr(np.column_stack(made))[0]
+    rest = angle.shown - basis @ (basis.T @ angle.shown)
+    begun = {
+        each: explained_from(columns[0] - made[0], basis, rest) for each, columns in tried.items()
+    }
+    found = max(begun, key=lambda each: float(begun[each].max()))
+    at = int(np.argmax(begun[found]))
+    since = np.arange(len(rest)) >= at
+    columns = tuple(np.where(since, *both) for both in zip(tried[found], made, strict=True))
+    told = _told(angle, right, columns, len(tried) * len(rest))  # each sample is tried
+    if told is not None:
+        begin = float(angle.time[at])
+        yield _is_behind(angle, f"from {begin:.1f} s on ", *found, {**told, "from": begin})
+
+
+def _told(
+    angle: _Angle, right: Regression, columns: tuple[Array, ...], tried: int
+) -> dict[str, float] | None:
+    """How likely columns that are late explain an angle better than `right` does, and what of its
+    squares; None where they do not, by `EXPLAINED` and as the best of so many that are tried."""
     fit = angle.by(*columns)
     if fit is None or fit.r_squared < WELL_EXPLAINED or not fit.estimates[0] > 0.0:
-        return
+        return None
     more = (1.0 - right.r_squared) / max(1.0 - fit.r_squared, 1e-12)
-    likelier = likelier_by(fit, more)
-    if 1.0 / more > 1.0 - EXPLAINED or likelier < LIKELIER + np.log(len(tried)):
-        return
+    likelier, explained = likelier_by(fit, more), 1.0 - 1.0 / more
+    claimed = explained >= EXPLAINED and likelier >= LIKELIER + np.log(tried)
+    return {"likelier": likelier, "explained": explained} if claimed else None
+
+
+def _is_behind(
+    angle: _Angle, when: str, how: str, seconds: float, found: dict[str, float]
+) -> Suspicion:
     words = (
-        f"{angle.name} is {how} {seconds:.2g} s: rates and accelerations make it change before it"
-        f" does. That explains {1.0 - 1.0 / more:.0%} of what they leave of it. A filter or the"
-        f" clock of {angle.name}, or rates and accelerations are early"
+        f"{when}{angle.name} is {how} {seconds:.2g} s: rates and accelerations make it change"
+        f" before it does. That explains {found['explained']:.0%} of what they leave of it. A"
+        f" filter or the clock of {angle.name}, or rates and accelerations are early"
     )
-    yield Suspicion(angle.name, "late", words, {"delay": seconds, "likelier": likelier})
+    return Suspicion(angle.name, "late", words, {"delay": seconds, **found})
 
 
 def _delayed(values: Array, step: float, seconds: float) -> Array:

@@ -140,6 +140,17 @@ def test_a_vane_that_is_late_is_told() -> None:
     assert "alpha is late by about 0.4 s" in found.sentence
 
 
+@pytest.mark.parametrize("begin", [7.0, 12.0])
+def test_a_vane_that_is_late_from_one_time_on_is_told(begin: float) -> None:
+    flight = flown()
+    late = np.interp(flight.time - 0.4, flight.time, flight["alpha"])
+    switched = np.where(flight.time > begin, late, flight["alpha"])
+    (found,) = angle_suspicions(flight.with_channels({"alpha": switched}))
+    assert (found.channel, found.kind) == ("alpha", "late")
+    assert found.evidence["delay"] == pytest.approx(0.4, abs=0.1)
+    assert found.evidence["from"] == pytest.approx(begin, abs=1.5)
+
+
 def test_a_vane_behind_a_filter_is_told_in_gusts() -> None:
     (found,) = angle_suspicions(filtered(flown(gusts=0.003), "alpha", 0.7))
     assert (found.channel, found.kind) == ("alpha", "late")
