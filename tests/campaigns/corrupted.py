@@ -2,13 +2,13 @@
 
 ``python -m tests.campaigns.corrupted`` prints a table: kind of corruption -> how many are said at
 ingest, said by the comparison with the vehicle's database, refused there (the log lacks what the
-database needs), and silent; of those said, how many are only suspected. ``--cache FOLDER`` keeps
-the flights of JSBSim; ``--only`` runs one part: corrupted flights, wrong vehicle files, files whose
+database needs), silent, and silent with an axis at twice the clean residual (material); of those
+said, how many are only suspected, and of which no suspicion names what is wrong (misnamed).
+``--cache FOLDER`` keeps the flights of JSBSim; ``--only`` runs one part: corrupted flights, wrong vehicle files, files whose
 every value is believable, wrong databases (``databases``: one flight of each vehicle; the first
-column is what is said at import), faults during a flight (``during``: a silent one counts where the verdict
-of the reconstruction stays and an axis has twice the clean residual; misnamed is a fault of which
-no suspicion names what is wrong), right flights beside
-databases that lack an effect, or right flights under other conditions (``right``).
+column is what is said at import), faults during a flight (``during``: a silent one counts where the
+verdict of the reconstruction stays and it is material), right flights beside databases that lack an
+effect, or right flights under other conditions (``right``).
 """
 
 import argparse
@@ -39,7 +39,7 @@ from aerodb.suspicions.failed import failed_suspicions
 from aerodb.suspicions.plausibility import suspicions
 from aerodb.tables import lacking_effects, unusual_content
 from aerodb.vehicle import parse_vehicle
-from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Corruption, Pair
+from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Corruption, Pair, is_field_named
 from tests.campaigns.databases import database_of
 from tests.campaigns.during_flight import SENSORS, SURFACES, is_named
 from tests.campaigns.fleet import CONDITIONS, NO_BODIES, airframe, vehicle_text
@@ -261,8 +261,7 @@ def during(pairs: Sequence[Pair], kind: str, most: int) -> During:
                 continue
             if said:
                 found.said += 1
-                right = any(is_named(pair, made, f"{s.channel} {s.sentence}") for s in said)
-                found.misnamed += [] if right else [pair.name]
+                found.misnamed += [] if names_it(pair, made, said) else [pair.name]
             elif keeps_verdict(pair, made):
                 found.silent += [pair.name]
     return found
@@ -271,29 +270,44 @@ def during(pairs: Sequence[Pair], kind: str, most: int) -> During:
 @dataclass
 class Count:
     """Where a kind was noticed at ingest, beside the database, by a refusal of the comparison, and
-    where it was silent; and what of the first two was only suspected."""
+    where it was silent; what of the first two was only suspected, what of it names nothing that is
+    wrong; and what of the silent ones is material."""
 
     ingest: list[str] = field(default_factory=list)
     beside: list[str] = field(default_factory=list)
     refused: list[str] = field(default_factory=list)
     silent: list[str] = field(default_factory=list)
     suspected: list[str] = field(default_factory=list)
+    misnamed: list[str] = field(default_factory=list)
+    material: list[str] = field(default_factory=list)
 
     @property
     def cases(self) -> int:
         return len(self.ingest) + len(self.beside) + len(self.refused) + len(self.silent)
 
-    def add(self, name: str, pair: Pair) -> None:
+    def add(self, name: str, right: Pair, wrong: Pair) -> None:
         with np.errstate(all="ignore"):
-            found, place = noticed(pair), self.ingest
+            found, place = noticed(wrong), self.ingest
             if not found:
                 try:
-                    found, place = noticed_beside(pair), self.beside
+                    found, place = noticed_beside(wrong), self.beside
                 except InputError:
                     return self.refused.append(name)
+            if not found and is_material(right, wrong):
+                self.material.append(name)
         (place if found else self.silent).append(name)
         if found and not any(limits_flight(each) for each in found):
             self.suspected.append(name)
+        if found and not names_it(right, wrong, found):
+            self.misnamed.append(name)
+
+
+def names_it(right: Pair, wrong: Pair, found: Iterable[Suspicion]) -> bool:
+    """Whether a suspicion names a channel or a field of the vehicle file that is wrong."""
+    said = [f"{each.channel} {each.sentence}" for each in found]
+    return any(
+        is_named(right, wrong, words) or is_field_named(right, wrong, words) for words in said
+    )
 
 
 def said_at_import(right: Pair, wrong: Pair) -> bool:
@@ -356,7 +370,7 @@ def attack(pairs: Sequence[Pair], kinds: Mapping[str, Corruption]) -> dict[str, 
             with np.errstate(all="ignore"):
                 made = corrupt(pair)
             if made is not None:
-                table[kind].add(pair.name, made)
+                table[kind].add(pair.name, pair, made)
     return table
 
 
@@ -369,7 +383,7 @@ def other_aircraft(pairs: Sequence[Pair]) -> Count:
         for name, other in files.items():
             if other.vehicle.reference != pair.vehicle.reference:
                 made = replace(pair, vehicle=other.vehicle, database=other.database)
-                count.add(f"{pair.name} as {name}", made)
+                count.add(f"{pair.name} as {name}", pair, made)
     return count
 
 
@@ -417,7 +431,7 @@ def main() -> None:
     if asked.only in (None, "lacking"):
         count = Count()
         for pair in lacking(pairs):
-            count.add(pair.name, pair)
+            count.add(pair.name, pair, pair)
         stopped = [name for name in count.ingest + count.beside if name not in count.suspected]
         print(
             f"databases that lack an effect: {count.cases}, limited {len(stopped)}, only suspected"
@@ -447,18 +461,39 @@ def main() -> None:
     }
     titles["databases"] = ("wrong databases", DATABASES)
     for title, kinds in (titles[part] for part in titles if asked.only in (None, part)):
-        print(f"{title}: at ingest, beside, refused, silent (only suspected)", flush=True)
         table = attack_databases(pairs) if kinds is DATABASES else attack(pairs, kinds)
         if kinds is FILES:
             table["another aircraft's log"] = other_aircraft(pairs)
-        for kind, count in table.items():
-            numbers = (count.ingest, count.beside, count.refused, count.silent)
-            words = " ".join(f"{len(listed):4}" for listed in numbers)
-            silent = ", ".join(Path(name).stem for name in count.silent)
-            print(f"  {kind:32} {words} ({len(count.suspected):2})  {silent}")
-        missed = sum(len(count.silent) for count in table.values())
-        total = sum(count.cases for count in table.values())
-        print(f"{title}: silent {missed} of {total} ({100 * missed / total:.1f} %)", flush=True)
+        print_table(title, table)
+
+
+def print_table(title: str, table: Mapping[str, Count]) -> None:
+    """Print a line per kind, and their sums."""
+    print(f"{title}: at ingest, beside, refused, silent, material (only suspected, misnamed)")
+    for kind, count in table.items():
+        places = (count.ingest, count.beside, count.refused, count.silent, count.material)
+        words = " ".join(f"{len(listed):4}" for listed in places)
+        doubtful = f"({len(count.suspected):2}, {len(count.misnamed):2})"
+        silent = ", ".join(
+            f"{Path(name).stem}{' (material)' if name in count.material else ''}"
+            for name in count.silent
+        )
+        wrong = f"; misnamed {', '.join(count.misnamed)}" if count.misnamed else ""
+        print(f"  {kind:32} {words} {doubtful}  {silent}{wrong}")
+    total, silent, material, misnamed = (
+        sum(each)
+        for each in zip(
+            *((c.cases, len(c.silent), len(c.material), len(c.misnamed)) for c in table.values()),
+            strict=True,
+        )
+    )
+    said = sum(len(c.ingest) + len(c.beside) for c in table.values())
+    print(
+        f"{title}: silent {silent} of {total} ({100 * silent / total:.1f} %), material and silent"
+        f" {material} ({100 * material / total:.1f} %); misnamed {misnamed} of {said}"
+        f" ({100 * misnamed / max(said, 1):.1f} %)",
+        flush=True,
+    )
 
 
 if __name__ == "__main__":

@@ -5,6 +5,7 @@ derivative that this flight determines, by more than 2 %: of surfaces, only flig
 effect to a fifth.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
@@ -43,6 +44,32 @@ def determined(flight: Flight, vehicle: Vehicle, role: str) -> float:
             k = fit.names.index(name)
             best = min(best, float(fit.standard_errors[k] / abs(fit.estimates[k])))
     return best
+
+
+#: Fields of a vehicle file -> what a sentence may call them.
+_FIELDS: Mapping[tuple[str, str], str] = {
+    ("mass", "mass"): "mass",
+    ("mass", "cg"): "CG|cg_[xyz]|centre of gravity",
+    ("mass", "Ixx"): "Ixx|moments? of inertia",
+    ("mass", "Iyy"): "Iyy|moments? of inertia",
+    ("mass", "Izz"): "Izz|moments? of inertia",
+    ("mass", "Ixz"): "Ixz",
+    ("reference", "area"): r"area|\[reference\]",
+    ("reference", "chord"): r"chord|lengths|\[reference\]",
+    ("reference", "span"): r"span|lengths|\[reference\]",
+}
+
+
+def is_field_named(right: Pair, wrong: Pair, sentence: str) -> bool:
+    """Whether a sentence names a field that differs between two vehicle files, alone or in a
+    group."""
+    before, after = right.vehicle.model_dump(), wrong.vehicle.model_dump()
+    words = [
+        word
+        for (part, name), word in _FIELDS.items()
+        if not np.array_equal(before[part].get(name, 0.0), after[part].get(name, 0.0))
+    ]
+    return any(re.search(rf"(?<!\w)({word})(?!\w)", sentence, re.IGNORECASE) for word in words)
 
 
 #: A wrong pair; None where the corruption changes nothing, or the file is refused when it is read.

@@ -24,7 +24,7 @@ from tests.campaigns.corrupted import (
     simulated,
 )
 from tests.campaigns.corrupted import measured as measured_pairs
-from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Pair
+from tests.campaigns.corruptions import BELIEVABLE, FILES, FLIGHTS, Pair, is_field_named
 from tests.campaigns.during_flight import SENSORS, SURFACES
 from tests.campaigns.right_flights import jsbsim, right_flights
 
@@ -103,7 +103,26 @@ def test_corruptions_of_simulated_flights_are_noticed(flights: list[Pair], kind:
 def test_wrong_vehicle_files_are_noticed(flights: list[Pair]) -> None:
     table = attack(flights, FILES)
     assert silent(table) == {}
+    assert {kind: count.misnamed for kind, count in table.items() if count.misnamed} == {}
     assert len(table["inertia in slug ft2"].beside) == len(flights)
+
+
+def test_a_sentence_names_a_field_that_is_wrong(flights: list[Pair]) -> None:
+    right = flights[0]
+    mass, inertia, span = (FILES[kind](right) for kind in ("mass in g", "Iyy a tenth", "half span"))
+    assert mass is not None
+    assert inertia is not None
+    assert span is not None
+    for wrong, sentence, named in (
+        (mass, "Mass, area or density is wrong", True),
+        (mass, "Ixx, Iyy and Izz are too small", False),
+        (inertia, "mass 2 kg fits none of the moments of inertia", True),
+        (inertia, "Ixx is 3 kg m^2", False),
+        (span, "one of [reference] is wrong", True),
+        (span, "the unit of spanwise flow is wrong", False),
+        (right, "mass, Ixx, area and span are wrong", False),
+    ):
+        assert is_field_named(right, wrong, sentence) == named, sentence
 
 
 #: Kinds with believable values that the simulated flights tell beside their database.
