@@ -9,7 +9,9 @@ from contextlib import suppress
 from pathlib import Path
 from typing import Final
 
+from aerodb.storage.landlock import landlock_version
 from aerodb.storage.limits import Limits
+from aerodb.storage.no_connections import can_refuse_connections
 
 _DEATH_SIGNAL: Final = 1  # PR_SET_PDEATHSIG of prctl(2)
 
@@ -49,6 +51,16 @@ def _limit(kind: int, most: int, for_good: bool, grace: int = 0) -> None:
     refused = () if sys.platform == "linux" else (ValueError, OSError)  # the limit does not hold
     with suppress(*refused):
         resource.setrlimit(kind, (most if unlimited else min(most, hard), hard))
+
+
+def reader_reach() -> str:
+    """Return what the process that reads a log could reach beside its log on this system; empty
+    where the system keeps it from all."""
+    reached = [
+        *([] if landlock_version() else ["files that its user may read (no Landlock)"]),
+        *([] if can_refuse_connections() else ["connections (no seccomp)"]),
+    ]
+    return " and ".join(reached)
 
 
 def environment_memory() -> float:

@@ -321,7 +321,8 @@ class Turbulence(Answer):
 
 
 class Status(Answer):
-    """What waits, runs, and has failed; `todo` is what a person should do."""
+    """What waits, runs, and has failed; `todo` is what a person should do. `reader_reach` is what
+    the process that reads a log could reach beside it on this system, empty where nothing."""
 
     serve: dict[str, Any]
     waiting: list[Any]
@@ -331,6 +332,7 @@ class Status(Answer):
     vehicles: list[dict[str, Any]]
     undelivered: list[Any]
     free_bytes: int
+    reader_reach: str
     todo: list[Any]
 
 

@@ -134,6 +134,8 @@ def status(context: typer.Context) -> None:
         f"served: {where}; nightly: {serving['schedule']}; free disk:"
         f" {document['free_bytes'] / 1e9:.1f} GB"
     )
+    if reach := document["reader_reach"]:
+        session.say(f"this system lets the process that reads a log reach {reach}")
     for heading in ("waiting", "running", "failed"):
         session.say(f"{heading}: {len(document[heading]) or 'nothing'}")
     if document["waiting"]:

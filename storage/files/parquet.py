@@ -96,19 +96,18 @@ def read_columns(
     file = opened(path)
     schema = file.schema_arrow
     metadata = metadata_of(schema, path, kind)
-    wanted = list(schema.names) if names is None else list(names)
+    stored = dict.fromkeys(schema.names)
+    wanted = stored if names is None else dict.fromkeys(names)
     for name in wanted:
-        if name not in schema.names:
-            raise UnknownNameError(f"no column '{name}'", str(path), nearest(name, schema.names))
+        if name not in stored:
+            raise UnknownNameError(f"no column '{name}'", str(path), nearest(name, stored))
     try:
-        table = file.read(columns=wanted)
+        table = file.read(columns=list(wanted))
     except (pa.ArrowException, OSError) as error:
         raise damaged(path, error) from error
     dtypes = metadata["dtypes"]
     return {
-        n: from_arrow(table.column(n), np.dtype(dtypes[n]))
-        for n in schema.names
-        if n in set(wanted)
+        n: from_arrow(table.column(n), np.dtype(dtypes[n])) for n in stored if n in wanted
     }, metadata
 
 

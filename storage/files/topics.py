@@ -1,7 +1,7 @@
 """Topics of a log as Parquet files, with an exact round trip; read as a whole or on demand."""
 
 from collections import OrderedDict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import ItemsView, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -67,9 +67,20 @@ class _StoredFields(Mapping[str, NDArray[Any]]):
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self._read:
-            column = self._columns[name]
-            self._read[name] = read_columns(self._path, "topic", [column])[0][column]
+            self._read_in([name])
         return self._read[name]
+
+    def items(self) -> ItemsView[str, NDArray[Any]]:
+        """Names and values (n,) in the units of the log. The file is opened once for all columns:
+        once for each would take the square of their number."""
+        if missing := [name for name in self._columns if name not in self._read]:
+            self._read_in(missing)
+        return super().items()
+
+    def _read_in(self, names: Sequence[str]) -> None:
+        columns = {name: self._columns[name] for name in names}
+        values, _ = read_columns(self._path, "topic", columns.values())
+        self._read |= {name: values[column] for name, column in columns.items()}
 
 
 def _open_topic(path: Path) -> Topic:

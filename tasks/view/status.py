@@ -5,6 +5,7 @@ from typing import Any, Final
 
 from aerodb.errors import AeroError
 from aerodb.storage.catalogue import RunRow
+from aerodb.storage.confinement import reader_reach
 from aerodb.storage.inbox import count_quarantined, undelivered_notifications
 from aerodb.storage.locks import is_held, note_of
 from aerodb.storage.workspace_settings import LoopSettings, Schedule, Settings, load_settings
@@ -23,8 +24,9 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
     """Return the status document.
 
     Keys: serve, settings, waiting, running, failed, quarantined, vehicles, undelivered, free_bytes,
-    todo. ``todo`` lists in plain sentences what a person should do now; empty if nothing. Sizes are
-    in [bytes], times in UTC; a fault of the settings is reported, not raised as InputError.
+    reader_reach (`aerodb.storage.confinement`), todo. ``todo`` lists in plain sentences what a
+    person should do now; empty if nothing. Sizes are in [bytes], times in UTC; a fault of the
+    settings is reported, not raised as InputError.
     """
     settings, fault = _settings(access)
     serving = {
@@ -68,6 +70,7 @@ def status_of(access: WorkspaceAccess) -> dict[str, Any]:
             message["text"] for _, message in undelivered_notifications(access.workspace)
         ][:_LISTED],
         "free_bytes": shutil.disk_usage(access.workspace.root).free,
+        "reader_reach": reader_reach(),
     }
     return {
         **document,

@@ -20,6 +20,7 @@ from aerodb.storage.disk_errors import remove, temporary_beside, translated_disk
 from aerodb.storage.files import open_recording, write_topics
 from aerodb.storage.landlock import see_only
 from aerodb.storage.limits import Limits
+from aerodb.storage.no_connections import refuse_connections
 from aerodb.storage.readers import prepare_reader_of, read_log
 from aerodb.storage.workspace import put_in_place
 from aerodb.tasks.workers.pool import Job, OverLimitError, done
@@ -104,6 +105,7 @@ def _read(log: Path, folder: Path) -> dict[str, str | bool] | None:
         tempfile.tempdir = str(folder)
         prepare_reader_of(log)
         see_only([log, *_program()], [folder, Path(os.devnull)])
+        refuse_connections()
         # Stored data do not depend on the location of the log.
         recording = replace(read_log(log), source=log.name)
         with translated_disk_errors(folder):

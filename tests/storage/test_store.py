@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -20,7 +21,9 @@ from aerodb.errors import InputError, UnknownNameError
 from aerodb.flight import Flight
 from aerodb.nomenclature import FLAGS, channel
 from aerodb.recording import Damage, Recording, Topic
+from aerodb.storage.files import topics as stored_topics
 from aerodb.storage.files.flights import (
+    open_recording,
     read_flight,
     read_recording,
     read_results,
@@ -222,6 +225,28 @@ def test_a_recording_comes_back_with_types_order_and_hostile_names(tmp_path: Pat
     assert list(read_recording(tmp_path / "r", ["gps.1"]).topics) == ["gps.1"]
     with pytest.raises(UnknownNameError, match="did you mean 'imu'"):
         read_recording(tmp_path / "r", ["imv"])
+
+
+def test_all_columns_of_a_topic_take_one_look_into_its_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    fields = {f"c{k}": np.array([k, k + 0.5]) for k in range(300)}
+    topic = Topic("t", np.array([0.0, 0.1]), fields)
+    store_recording(tmp_path / "r", Recording("", "tabular", "00" * 32, 0, {"t": topic}))
+    stored = open_recording(tmp_path / "r").topics["t"].fields
+    assert np.array_equal(stored["c7"], fields["c7"])
+    looks: list[object] = []
+    read = stored_topics.read_columns
+
+    def counted(*given: Any) -> Any:
+        looks.append(given)
+        return read(*given)
+
+    monkeypatch.setattr(stored_topics, "read_columns", counted)
+    for _ in range(2):
+        found = {name: values.tolist() for name, values in stored.items()}
+        assert found == {name: values.tolist() for name, values in fields.items()}
+    assert len(looks) == 1
 
 
 def test_topics_longer_than_a_row_group(tmp_path: Path) -> None:
