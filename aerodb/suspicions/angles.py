@@ -96,8 +96,8 @@ class _Angle:
 
 
 def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
-    """Return gyros that are late, or else accelerometers, or else vanes, or else an angle of attack
-    that changes more than the motion makes it change.
+    """Return gyros that are late, or else accelerometers, or else an angle of attack that changes
+    more than the motion makes it change, or else vanes that are late.
 
     flight : with the upwash that the vehicle file declares taken off.
 
@@ -112,10 +112,10 @@ def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
         late = [said for each in angles if each.in_air == in_air for said in _late(each)]
         if late:
             return tuple(late)
-    behind = [said for each in angles if each.in_air for said in _behind(each)]
-    if behind:
-        return tuple(behind)
-    return tuple(said for each in angles if each.name == "alpha" for said in _larger(each))
+    larger = [said for each in angles if each.name == "alpha" for said in _larger(each)]
+    if larger:  # rates turn sideslip by alpha: with a wrong one beta seems late
+        return tuple(larger)
+    return tuple(said for each in angles if each.in_air for said in _behind(each))
 
 
 @dataclass(frozen=True, eq=False)

@@ -44,6 +44,7 @@ from aerodb.suspicions.loads import (
     force_ratio,
     mass_beside,
     thrust_beside,
+    vane_beside,
 )
 from aerodb.suspicions.mass_events import shift_beside
 from aerodb.suspicions.rotors import rotor_suspicions
@@ -109,9 +110,11 @@ def against_database(
     untold = lift or surfaces or unmeasured
     shared = [] if untold else _shared(axes, fits, bool(database.parts))
     if not (lift or surfaces or shared):
-        moments = _known(axes, fits)
+        known = _known(axes, fits)
+        moments = [each for each in known if each.axis in MOMENT_AXES]
         shared = mass_beside(measured, predicted, usable, flight.step, moments)
         shared += cg_beside(axes, database.reference)
+        shared = shared or vane_beside(axes, fits, known)
     rotors = rotor_suspicions(flight, database, measured, predicted, usable, bandwidth)
     jumps = shift_beside(flight, vehicle, measured, predicted, usable, bandwidth)
     if not (lift or jumps):
@@ -337,11 +340,10 @@ def _standing(
 
 
 def _known(axes: Mapping[str, AxisShares], fits: Mapping[str, Regression]) -> list[Share]:
-    """Return the moment derivatives that a flight tells well."""
+    """Return the derivatives that a flight tells well."""
     return [
         share
-        for axis in MOMENT_AXES
-        if axis in axes
+        for axis in axes
         for name in axes[axis].parts
         if (share := axes[axis].share(fits[axis], name)).ratio > 0.0
         and ERRORS * share.error < share.ratio
@@ -366,7 +368,7 @@ def _shared_factor(
 ) -> list[Suspicion]:
     """Return a factor by which all moments differ from the database's. built : each derivative must
     have it, within its error and the rounding of vehicle data."""
-    told = _known(axes, fits)
+    told = [share for share in _known(axes, fits) if share.axis in MOMENT_AXES]
     if len(told) < FEWEST_MOMENTS or len({share.axis for share in told}) < 2:
         return []
     ratios = np.log([share.ratio for share in told])

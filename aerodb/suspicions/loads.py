@@ -13,14 +13,24 @@ import numpy as np
 from numpy.typing import NDArray
 
 from aerodb.conditioning import BAND, Suspicion
-from aerodb.estimation import least_squares
+from aerodb.estimation import Regression, least_squares
 from aerodb.flight import Flight
+from aerodb.nomenclature import MOMENT_AXES, is_surface
 from aerodb.physics import GRAVITY
 from aerodb.signals import low_passed
 from aerodb.support import HALF, MINUTE, SUBSTANTIAL, Array, half_interval
-from aerodb.suspicions.derivatives import AxisShares, Share
+from aerodb.suspicions.derivatives import AxisShares, Share, whole_surface
 from aerodb.suspicions.drag import ACCELERATION, ANGLE
-from aerodb.suspicions.evidence import ERRORS, FEWEST, INFLATION, SCATTER, WELL_EXPLAINED
+from aerodb.suspicions.evidence import (
+    ERRORS,
+    FEWEST,
+    INFLATION,
+    RATIOS,
+    SCATTER,
+    SWING,
+    WELL_EXPLAINED,
+)
+from aerodb.suspicions.surfaces import role_of
 from aerodb.tables import ReferenceGeometry
 from aerodb.vehicle import Vehicle
 
@@ -81,7 +91,8 @@ def thrust_beside(
     usable: Mapping[str, NDArray[np.bool_]],
 ) -> list[Suspicion]:
     """Return a logged thrust that leaves less than `LITTLE` of the database's drag, beyond what
-    accelerometer and angle of attack may err by.
+    accelerometer and angle of attack may err by, or with whose changes the drag left changes as
+    only another thrust makes it.
 
     area : m^2, that the coefficients refer to.
 
@@ -102,25 +113,78 @@ def thrust_beside(
         for values in (measured["C_drag"], predicted["C_drag"], measured["C_lift"])
     )
     margin = abs(lift) * (ANGLE + ACCELERATION / GRAVITY)
-    if not (here <= LITTLE * there and there - here >= margin):
-        return []
     total = np.asarray(sum(flight[name] for name in lines))
-    thrust = float(np.median(total[good] / (flight["qbar"][good] * area)))
+    logged = np.where(good, total, np.nan) / (np.where(good, flight["qbar"], np.nan) * area)
+    if not (here <= LITTLE * there and there - here >= margin):
+        return _changing_thrust(flight, logged, measured, predicted, good)
+    thrust = float(np.median(logged[good]))
     lost = abs(thrust) < NOTHING * there
     factor = np.inf if lost else (thrust + there - here) / thrust
-    if lost:
-        cause = "no thrust was recorded"
-    elif abs(factor / _POUND_FORCE - 1.0) < _NEAR:
-        cause = f"the thrust is {factor:.3g} times what is logged (lbf taken for N)"
-    elif factor < 0.0:
-        cause = "the sign of the thrust is flipped"
-    else:
-        cause = f"the thrust is {factor:.3g} times what is logged"
+    cause = "no thrust was recorded" if lost else _cause(factor)
     words = (
         f"without the logged thrust the drag coefficient is {here:.3g} (median), and the database"
         f" has {there:.3g}: {cause}, or the database has gear, flaps or brakes out"
     )
     evidence = {"measured": here, "predicted": there, "thrust": thrust}
+    return [Suspicion("thrust", "size", words, evidence)]
+
+
+def _cause(factor: float) -> str:
+    if factor < 0.0:
+        return "the sign of the thrust is flipped"
+    pounds = abs(factor / _POUND_FORCE - 1.0) < _NEAR
+    return f"the thrust is {factor:.3g} times what is logged{' (lbf taken for N)' * pounds}"
+
+
+def _changing_thrust(
+    flight: Flight,
+    logged: Array,
+    measured: Mapping[str, Array],
+    predicted: Mapping[str, Array],
+    good: NDArray[np.bool_],
+) -> list[Suspicion]:
+    """Return a thrust coefficient, (n,), that is another by the factor with which the drag left
+    changes with it: a thrust of k times what is logged leaves (1 - k) of it.
+
+    Errors of alpha leave lift in the drag, those of the database drag and that of flaps and brakes;
+    noise of the thrust brings k nearer to one.
+    """
+    columns = {
+        "left": measured["C_drag"] - predicted["C_drag"],
+        "thrust": logged,
+        "C_lift": measured["C_lift"],
+        "C_drag": predicted["C_drag"],
+    }
+    for name in filter(is_surface, flight.channels):
+        if not role_of(name) and np.nanstd(flight[name][good]) > SWING:
+            whole = whole_surface(name, flight)
+            columns[whole] = columns.get(whole, 0.0) + flight[name]
+    good = good & np.all([np.isfinite(values) for values in columns.values()], axis=0)
+    if int(good.sum()) < FEWEST:
+        return []
+    band = min(BAND[1], 0.4 / flight.step)
+    try:
+        parts = {
+            name: low_passed(np.where(good, values, np.nan), flight.step, band)[good]
+            for name, values in columns.items()
+            if np.ptp(values[good]) > 0.0
+        }
+        left, ones = parts.pop("left"), np.ones(int(good.sum()))
+        fit = least_squares(np.column_stack([*parts.values(), ones]), left, (*parts, "1"))
+    except (KeyError, ValueError):  # nothing is left, or columns are not told apart
+        return []
+    if fit.names[0] != "thrust":
+        return []
+    factor, error = 1.0 - float(fit.estimates[0]), float(fit.standard_errors[0])
+    if not (np.isfinite(error) and fit.vif[0] <= INFLATION):
+        return []
+    if -RATIOS[0] - ERRORS * error <= factor <= RATIOS[1] + ERRORS * error:
+        return []
+    words = (
+        f"where the logged thrust changes, the force along the path changes by {factor:.3g} +-"
+        f" {half_interval(error):.2g} times as much beyond the database's drag: {_cause(factor)}"
+    )
+    evidence = {"factor": factor, "standard_error": error}
     return [Suspicion("thrust", "size", words, evidence)]
 
 
@@ -153,26 +217,37 @@ def mass_beside(
     if len(clear) < len(good):
         return []
     side, normal = clear
-    ratios = np.log([here / there, normal.value, side.value])
-    errors = np.array([0.0, normal.error / normal.value, side.error / side.value])
+    level = here / there
+    # Noise of the flow angles makes a slope small: the one nearest to the level, and to one.
+    slopes = [(each.value, each.value / each.explained) for each in clear]
+    ratios = np.log([level, *(min(max(level, low), high) for low, high in slopes)])
+    least = np.log([min(max(1.0, low), high) for low, high in slopes])
     middle = float(np.median(ratios))
-    shared = float(np.median(np.log([each.ratio for each in moments])))
     if (
         abs(middle) < np.log(FACTOR)
-        or np.any(np.abs(ratios - middle) > SCATTER * abs(middle) + ERRORS * errors)
-        or shared / middle > SCATTER
+        or np.any(np.abs(ratios - middle) > SCATTER * abs(middle))
+        or np.any(least / middle < SCATTER)
+        or _of_moments(moments) / middle > SCATTER
     ):
         return []
     factor = float(np.exp(middle))
     words = (
         f"all forces are {factor:.3g} times the database's, the moments are not: a mass"
         f" {100 * abs(factor - 1.0):.0f} % too {'small' if factor < 1.0 else 'large'} would"
-        f" look like this. Level of the normal force {here / there:.3g}, its change"
+        f" look like this. Level of the normal force {level:.3g}, its change"
         f" {normal.value:.3g} +- {half_interval(normal.error):.2g}, side force {side.value:.3g} +-"
         f" {half_interval(side.error):.2g}"
     )
-    evidence = {"factor": factor, "level": here / there, "normal": normal.value, "side": side.value}
+    evidence = {"factor": factor, "level": level, "normal": normal.value, "side": side.value}
     return [Suspicion("mass", POSSIBLE, words, evidence)]
+
+
+def _of_moments(moments: list[Share]) -> float:
+    """The factor of moments (natural logarithm), by rates and controls where they are enough: noise
+    of vanes makes the effects of flow angles small."""
+    others = [each for each in moments if each.variable not in ("alpha", "beta")]
+    chosen = others if len(others) >= FEWEST_MOMENTS else moments
+    return float(np.median(np.log([each.ratio for each in chosen])))
 
 
 def cg_beside(axes: Mapping[str, AxisShares], reference: ReferenceGeometry) -> list[Suspicion]:
@@ -207,6 +282,52 @@ def cg_beside(axes: Mapping[str, AxisShares], reference: ReferenceGeometry) -> l
         f" {half_interval(error):.2g} m by Cm, {there:.3g} +- {half_interval(other):.2g} m by Cn"
     )
     return [Suspicion("cg_x", POSSIBLE, words, {"shift": shift, "pitch": here, "yaw": there})]
+
+
+def vane_beside(
+    axes: Mapping[str, AxisShares], fits: Mapping[str, Regression], known: list[Share]
+) -> list[Suspicion]:
+    """Return a factor that the effects of alpha on normal force and pitching moment share, and
+    those of rates and controls do not: the scale of a vane, or its upwash. A wing and a tail that
+    are wrong alike look the same.
+
+    known : derivatives that the flight tells well. Noise of alpha makes its effects small, to no
+    less than their part of what is left beside them (Frisch, 1934). Source:
+    `docs/method/consistency.md`, section "Against the database".
+    """
+    both = [s for s in known if s.variable == "alpha" and s.axis in ("CZ", "Cm")]
+    moments = [s for s in known if s.axis in MOMENT_AXES and s.variable not in ("alpha", "beta")]
+    if len(both) < 2 or len(moments) < FEWEST_MOMENTS:
+        return []
+    ratios = []
+    for share in both:
+        view = axes[share.axis]
+        own = share.ratio**2 * float(np.var(view.parts["alpha"][view.where])) / share.vif
+        part = own / (own + float(np.var(fits[share.axis].residual)))
+        ratios.append(max(share.ratio, min(share.ratio / part, 1.0)))  # the nearest to one
+    logarithms = np.log(ratios)
+    errors = np.array([share.error / share.ratio for share in both])
+    middle = float(np.mean(logarithms))
+    if (
+        abs(middle) < np.log(FACTOR)
+        or np.any(np.abs(logarithms) < ERRORS * errors)
+        or np.any(np.abs(logarithms - middle) > SCATTER * abs(middle))
+        or abs(_of_moments(moments)) > SCATTER * abs(middle)
+    ):
+        return []
+    told = " and ".join(
+        f"{share.ratio:.3g} +- {half_interval(share.error):.2g} times its {share.axis}"
+        for share in both
+    )
+    side = [s.ratio for s in known if (s.axis, s.variable) == ("CY", "beta")]
+    other = any(abs(np.log(each)) < SCATTER * abs(middle) for each in side)
+    factor = float(np.exp(-np.mean(np.log([share.ratio for share in both]))))
+    words = (
+        f"alpha gives {told} of the database; rates and controls give theirs. An alpha that changes"
+        f" {factor:.3g} times as much as it should would look like this. [air_data] upwash is"
+        f" missing or inverted, or the vane's scale is another{'' if other else ', or the mass'}"
+    )
+    return [Suspicion("alpha", POSSIBLE, words, {"factor": factor})]
 
 
 def _per_force(

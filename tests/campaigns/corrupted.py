@@ -2,12 +2,12 @@
 
 ``python -m tests.campaigns.corrupted`` prints a table: kind of corruption -> how many are said at
 ingest, said by the comparison with the vehicle's database, refused there (the log lacks what the
-database needs), silent, and silent with an axis at twice the clean residual (material); of those
-said, how many are only suspected, and of which no suspicion names what is wrong (misnamed).
+database needs), silent, and silent with an axis at twice the clean residual and the verdict of
+the reconstruction that the right flight has (material); of those said, how many are only suspected, and of which no suspicion names what is wrong (misnamed).
 ``--cache FOLDER`` keeps the flights of JSBSim; ``--only`` runs one part: corrupted flights, wrong vehicle files, files whose
 every value is believable, wrong databases (``databases``: one flight of each vehicle; the first
-column is what is said at import), faults during a flight (``during``: a silent one counts where the
-verdict of the reconstruction stays and it is material), right flights beside databases that lack an
+column is what is said at import), faults during a flight (``during``: silent ones are
+material), right flights beside databases that lack an
 effect, or right flights under other conditions (``right``).
 """
 
@@ -293,7 +293,7 @@ class Count:
                     found, place = noticed_beside(wrong), self.beside
                 except InputError:
                     return self.refused.append(name)
-            if not found and is_material(right, wrong):
+            if not found and is_material(right, wrong) and keeps_verdict(right, wrong):
                 self.material.append(name)
         (place if found else self.silent).append(name)
         if found and not any(limits_flight(each) for each in found):

@@ -371,15 +371,20 @@ def test_weight_and_slope_of_the_lift(flight: Flight) -> None:
     assert "another aircraft's" in lift_suspicions(flight, small)[0].sentence
 
 
+def with_errors(flight: Flight, name: str, times: int = 1) -> Flight:
+    """So many times the flight, with errors of one channel that are .45 of its variation (rms)."""
+    channels = {each: np.tile(values, times) for each, values in flight.channels.items()}
+    time = STEP * np.arange(times * len(flight.time))
+    errors = low_passed(np.random.default_rng(5).standard_normal(len(time)), STEP, 2.0)
+    errors *= 0.45 * np.std(flight[name]) / np.std(errors)
+    return Flight("long", "light", time, {**channels, name: channels[name] + errors})
+
+
 @pytest.mark.parametrize(("share", "told"), [(0.56, False), (0.37, True)])
 def test_errors_of_alpha_make_a_slope_small(flight: Flight, share: float, told: bool) -> None:
     """A slope of .56 of the wing's that a vane's errors lower is no fault; one of .37 is with the
     same errors."""
-    channels = {name: np.tile(values, 6) for name, values in flight.channels.items()}
-    time = STEP * np.arange(6 * len(flight.time))
-    errors = low_passed(np.random.default_rng(5).standard_normal(len(time)), STEP, 2.0)
-    errors *= 0.45 * np.std(flight["alpha"]) / np.std(errors)
-    long = Flight("long", "light", time, {**channels, "alpha": channels["alpha"] + errors})
+    long = with_errors(flight, "alpha", times=6)
     found = lift_suspicions(long, wrong(mass={"mass": share * MASS}))
     assert [each.channel for each in found] == ["mass"] * told
 

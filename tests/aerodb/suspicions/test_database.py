@@ -17,6 +17,7 @@ from aerodb.flight import Flight
 from aerodb.suspicions import against_database, limits_flight
 from aerodb.suspicions.derivatives import axis_shares
 from aerodb.suspicions.lift import helmbold
+from aerodb.suspicions.loads import force_ratio
 from aerodb.tables.database import AeroDatabase
 from aerodb.vehicle import Vehicle
 from tests.aerodb.suspicions.test_against_vehicle import (
@@ -32,6 +33,7 @@ from tests.aerodb.suspicions.test_against_vehicle import (
     changed,
     flown,
     vehicle,
+    with_errors,
     wrong,
 )
 from tests.support import parts
@@ -260,6 +262,21 @@ def test_a_mass_in_another_unit(factor: float, slope: float) -> None:
     found = said(flight(), of, database(CZ_alpha=slope))
     assert found[0].channel == "mass"
     assert "another aircraft's" in found[0].sentence
+
+
+@pytest.mark.parametrize(("share", "told"), [(1.0, False), (0.58, False), (0.37, True)])
+def test_errors_of_alpha_make_the_change_of_the_lift_small(share: float, told: bool) -> None:
+    """A change of .58 of the database's that a vane's errors lower below .55 is no fault; one of
+    .37 is with the same errors."""
+    of = wrong(points={"moment_reference": (-2.1, 0.0, 0.0)}, mass={"mass": share * MASS})
+    long = with_errors(flight(), "alpha", times=6)
+    compared = compare(long, total_coefficients(long, of), database(), of.reference)
+    good = compared.usable["CZ"] & np.isfinite(compared.measured["CZ"])
+    seen = force_ratio(compared.measured["CZ"], compared.predicted["CZ"], good, long.step)
+    assert seen is not None
+    assert seen.value == pytest.approx(share / 1.2, rel=0.05)  # 1 + .45^2
+    found = [each for each in said(long, of, database()) if "lift changes" in each.sentence]
+    assert [each.channel for each in found] == ["mass"] * told
 
 
 def test_nothing_is_said_where_a_flight_cannot_decide() -> None:

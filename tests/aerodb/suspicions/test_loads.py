@@ -8,10 +8,14 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from aerodb.coefficients.comparison import compare
+from aerodb.coefficients.total import total_coefficients
 from aerodb.conditioning import Suspicion
 from aerodb.flight import Flight
 from aerodb.physics import GRAVITY
+from aerodb.signals import low_passed
 from aerodb.suspicions import limits_flight
+from aerodb.suspicions.derivatives import Share
 from aerodb.suspicions.exchanged import exchanged_suspicions
 from aerodb.suspicions.lift import helmbold
 from aerodb.suspicions.loads import POSSIBLE, cg_beside, mass_beside, thrust_beside
@@ -25,6 +29,7 @@ from tests.aerodb.suspicions.test_against_vehicle import (
     MASS,
     SPAN,
     changed,
+    with_errors,
     wrong,
 )
 from tests.aerodb.suspicions.test_database import about_cg, database, flight, said
@@ -46,6 +51,53 @@ def test_a_wrong_mass_is_the_factor_of_all_forces(factor: float) -> None:
     percent = 100 * abs(found.evidence["factor"] - 1.0)
     small = "small" if factor < 1.0 else "large"
     assert f"a mass {percent:.0f} % too {small} would look like this" in found.sentence
+
+
+@pytest.mark.parametrize(("factor", "told"), [(1.0, False), (0.7, True)])
+def test_errors_of_beta_hide_no_mass_and_make_none(factor: float, told: bool) -> None:
+    """They make the side force, and each moment by sideslip, a sixth smaller."""
+    of, flown = with_mass(factor), with_errors(flight(), "beta", times=6)
+    full = compare(flown, total_coefficients(flown, of), database(), of.reference)
+    rates = [Share("Cm", name, 1.0, 0.01, 0.5, 1.0) for name in ("q", "p", "r", "delta_rudder")]
+    slips = [Share(axis, "beta", 0.7, 0.01, 0.5, 1.0) for axis in ("Cl", "Cn") for _ in range(3)]
+    found = mass_beside(full.measured, full.predicted, full.usable, flown.step, [*rates, *slips])
+    assert [(each.channel, each.kind) for each in found] == [("mass", POSSIBLE)] * told
+    for each in found:
+        assert each.evidence["side"] == pytest.approx(factor / 1.2, rel=0.05)
+        assert each.evidence["factor"] == pytest.approx(factor, rel=0.03)
+
+
+def test_a_side_force_that_says_nothing_makes_no_mass_wrong() -> None:
+    """Normal force and its change by .8, as a wrong lift of the database has them, and a side force
+    of .98 with a large error."""
+    rng, n = np.random.default_rng(2), 4000
+    swings = (low_passed(rng.standard_normal(n), 0.02, band) for band in (1.0, 1.0, 0.2))
+    one, other, slow = (each / np.std(each) for each in swings)
+    predicted = {"CZ": -0.5 + 0.1 * one, "CY": 0.05 * other}
+    measured = {"CZ": 0.8 * predicted["CZ"], "CY": 0.98 * predicted["CY"] + 0.012 * slow}
+    usable = dict.fromkeys(measured, np.ones(n, dtype=bool))
+    rates = [Share("Cm", name, 1.0, 0.01, 0.5, 1.0) for name in ("q", "p", "r", "delta_rudder")]
+    assert mass_beside(measured, predicted, usable, 0.02, rates) == []
+    measured["CY"] *= 0.8
+    (found,) = mass_beside(measured, predicted, usable, 0.02, rates)
+    assert found.evidence["factor"] == pytest.approx(0.8, rel=0.05)
+
+
+@pytest.mark.parametrize("scale", [1.21, 1.69, 1.0 / 1.21])
+def test_an_upwash_that_is_inverted_is_the_scale_of_alpha(scale: float) -> None:
+    made = changed(flight(), alpha=scale * flight()["alpha"])
+    (found,) = said(made, about_cg(), database())
+    assert (found.channel, found.kind) == ("alpha", POSSIBLE)
+    assert found.evidence["factor"] == pytest.approx(scale, rel=0.03)
+    assert "[air_data] upwash" in found.sentence
+    assert not limits_flight(found)
+
+
+def test_errors_of_alpha_are_no_scale_of_it() -> None:
+    """They make all that alpha does a sixth smaller."""
+    for times in (1, 6):
+        found = said(with_errors(flight(), "alpha", times), about_cg(), database())
+        assert "alpha" not in {each.channel for each in found}
 
 
 @pytest.mark.parametrize(
@@ -151,6 +203,55 @@ def test_drag_that_a_database_may_have_wrong_is_no_wrong_thrust() -> None:
     margin = 0.5 * (0.035 + 0.2 / GRAVITY)
     assert thrust_said(0.0, 0.99 * margin, 0.0) == []
     assert len(thrust_said(0.0, 1.01 * margin, 0.0)) == 1
+
+
+def changing(factor: float, brakes: float = 0.0, steps: int = 7) -> list[Suspicion]:
+    """What is said where the thrust is `factor` times what is logged, of a database that lacks the
+    drag of brakes, for which the logged thrust makes up by a share."""
+    made, of, _ = pushed()
+    time, out = made.time, 0.1 * made["delta_speed_brake"]
+    swing = np.sin(2.0 * np.pi * steps * time / time[-1]) if steps else np.zeros_like(time)
+    logged = 0.06 + 0.015 * swing + brakes * out
+    lift = 0.5 + 0.1 * np.sin(2.0 * np.pi * 4.0 * time / time[-1])
+    noise = 1e-3 * np.random.default_rng(6).standard_normal(len(time))
+    left = (1.0 - factor) * logged + noise + 0.01 * lift + (out if brakes else 0.0)
+    expected = np.ones_like(time)  # so much that its level says nothing
+    full = {"C_drag": expected + left, "C_lift": lift}
+    beside = {"C_drag": expected, "C_lift": lift}
+    usable = dict.fromkeys(full, np.ones(len(time), dtype=bool))
+    area = effect_flights.AREA
+    flown = changed(made, thrust=logged * made["qbar"] * area)
+    return thrust_beside(flown, of, area, full, beside, usable)
+
+
+@pytest.mark.parametrize(
+    ("factor", "words"),
+    [(4.4482, "lbf taken for N"), (2.0 * 4.4482, "8.89 times"), (-1.0, "sign of the thrust")],
+)
+def test_a_wrong_thrust_shows_where_it_changes(factor: float, words: str) -> None:
+    (found,) = changing(factor)
+    assert (found.channel, found.kind) == ("thrust", "size")
+    assert limits_flight(found)
+    assert words in found.sentence
+    assert found.evidence["factor"] == pytest.approx(factor, rel=0.02)
+
+
+@pytest.mark.parametrize("factor", [1.0, 0.4, 0.0, 2.5])
+def test_a_thrust_of_another_model_is_no_wrong_one(factor: float) -> None:
+    """Ram drag, slipstream and losses of installation; brakes out as the thrust goes up or down;
+    a thrust that does not change."""
+    assert changing(factor) == []
+    assert changing(factor, brakes=-0.2) == []
+    assert changing(factor, brakes=1.0) == []
+    assert changing(4.4482, steps=0) == []
+
+
+def test_a_whole_flight_with_its_thrust_in_pounds() -> None:
+    made, of, beside = pushed()
+    found = said(changed(made, thrust=made["thrust"] / 4.4482), of, beside)
+    assert ["lbf taken for N" in each.sentence for each in found if each.channel == "thrust"] == [
+        True
+    ]
 
 
 def test_a_whole_flight_with_its_thrust_lost() -> None:
