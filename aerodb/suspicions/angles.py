@@ -4,7 +4,8 @@ What an aircraft turns and climbs is known from gyros and accelerometers: their 
 in steady air, change as those of vanes and of the attitude do (Stevens, Lewis & Johnson, Aircraft
 Control and Simulation, 3rd ed., section 2.5). A sensor that is late or filtered by T misses T times
 its own signal of the integral. A vane ahead of the CG shows a part of the rates. A vane whose
-upwash is not corrected, or divided by instead of multiplied, changes more. Gusts move the vane
+upwash is not corrected, or divided by instead of multiplied, changes more. A gyro that is reversed
+or scaled from one time on turns the attitude by another factor from then on. Gusts move the vane
 alone, and the aircraft yields to them: less is explained, the vane changes less than the motion,
 and accelerometers seem early. Of that nothing is said. A vane that is late, or behind a filter,
 shows what the motion made it a while ago, which no gust does.
@@ -22,6 +23,7 @@ from aerodb.conditioning import (
     BAND,
     KINEMATICS,
     LEAST_EXPLAINED,
+    OPTIONAL,
     SAMPLES_PER_PERIOD,
     SCALE_TOLERANCE,
     SETTLED,
@@ -32,8 +34,9 @@ from aerodb.errors import InputError
 from aerodb.estimation import Regression, least_squares, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, bridge, first_order_lag, integrated
-from aerodb.support import HALF, Array, half_interval
+from aerodb.support import HALF, NOTABLE, Array, half_interval
 from aerodb.suspicions.begin import explained_from
+from aerodb.suspicions.changing import CHANGED
 from aerodb.suspicions.equation_error import averaged
 from aerodb.suspicions.evidence import ERRORS, LATE, LIKELIER, SWING, WELL_EXPLAINED, likelier_by
 from aerodb.suspicions.in_flight import flying
@@ -56,13 +59,15 @@ _FILTERS: Final = (0.4, 0.7, 1.0, 1.5, 2.0, 3.0)
 #: Share of what the motion leaves of a vane that a delay must explain: upwash, gusts and noise
 #: hold the rest.
 EXPLAINED: Final = HALF
+#: Least change of a gyro's gain that is said: a scale error is a few hundredths, and is constant.
+LEAST_GAIN: Final = NOTABLE
 
 
 @dataclass(frozen=True, eq=False)
 class _Angle:
     """An angle as logged, as the motion turns it, the rates of its vane's place and the signal of
     its sensor, all band-passed, (n,) [rad], with the times [s]; a delay of the sensor [s] adds as
-    much of its signal."""
+    much of its signal. turned_from : sample -> as the motion turns it from that one on, (n,)."""
 
     name: str
     sensor: str
@@ -71,6 +76,7 @@ class _Angle:
     turned: Array
     place: tuple[Array, ...]
     signal: Array
+    turned_from: Callable[[int], Array]
 
     @property
     def in_air(self) -> bool:
@@ -96,8 +102,8 @@ class _Angle:
 
 
 def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
-    """Return gyros that are late, or else accelerometers, or else an angle of attack that changes
-    more than the motion makes it change, or else vanes that are late.
+    """Return gyros that are late, or else accelerometers, or else gyros whose gain changes, or else
+    an angle of attack that changes more than the motion makes it, or else vanes that are late.
 
     flight : with the upwash that the vehicle file declares taken off.
 
@@ -112,6 +118,9 @@ def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
         late = [said for each in angles if each.in_air == in_air for said in _late(each)]
         if late:
             return tuple(late)
+    changed = [said for each in angles if not each.in_air for said in _changed(each)]
+    if changed:
+        return tuple(changed)
     larger = [said for each in angles if each.name == "alpha" for said in _larger(each)]
     if larger:  # rates turn sideslip by alpha: with a wrong one beta seems late
         return tuple(larger)
@@ -146,7 +155,13 @@ class _Motion:
     @property
     def turned(self) -> Array:
         """The angle as the motion turns it, (m,) [rad]."""
-        return self._in_band(integrated(bridge(self._thin(self._rate)), self.step))
+        return self.turned_from(0)
+
+    def turned_from(self, first: int) -> Array:
+        """The angle as the motion turns it from one of its samples on, (m,) [rad]."""
+        rate = bridge(self._thin(self._rate))
+        later = np.where(np.arange(len(rate)) >= first, rate, 0.0)
+        return self._in_band(integrated(later, self.step))
 
     @property
     def known(self) -> NDArray[np.bool_]:
@@ -203,6 +218,7 @@ def _angle(name: str, flight: Flight, channels: Mapping[str, Array]) -> _Angle |
             made.turned[inside],
             tuple(made.moving(channels[each])[inside] for each in place),
             made.moving(channels[sensor] / speed)[inside],
+            lambda first: made.turned_from(int(np.flatnonzero(inside)[first]))[inside],
         )
     except (ValueError, InputError):
         return None
@@ -272,6 +288,40 @@ def _is_late(angle: _Angle, when: str, found: dict[str, float]) -> Suspicion:
         f" {angle.name} is early"
     )
     return Suspicion(angle.sensor, "delay", words, found)
+
+
+def _changed(angle: _Angle) -> Iterator[Suspicion]:
+    """The gyro that turns an attitude by another factor from one time on; the claim pays for the
+    times that are tried."""
+    one = angle.by(angle.turned)
+    if one is None:
+        return
+    rate, shown = (np.gradient(values) for values in (angle.turned, angle.shown))
+    basis = rate[:, None] / max(float(np.linalg.norm(rate)), 1e-300)
+    left = shown - basis @ (basis.T @ shown)
+    at = int(np.argmax(explained_from(rate, basis, left)))
+    fit = angle.by(angle.turned, angle.turned_from(at))
+    if fit is None or fit.r_squared < WELL_EXPLAINED:
+        return
+    more = (1.0 - one.r_squared) / max(1.0 - fit.r_squared, 1e-12)
+    before, change = (float(each) for each in fit.estimates)
+    error = float(fit.standard_errors[1])
+    if (
+        1.0 - 1.0 / more < EXPLAINED
+        or likelier_by(fit, more) < LIKELIER + np.log(len(rate))  # each sample is tried
+        or abs(change) < LEAST_GAIN + ERRORS * error
+    ):
+        return
+    begin = float(angle.time[at])
+    also = (*KINEMATICS[angle.name][1], *OPTIONAL.get(angle.name, ()))
+    others = " or ".join(n for n in also if n not in (angle.sensor, angle.name))
+    words = (
+        f"rates turn {angle.name} by {before:.3g} of what it shows until about {begin:.1f} s, and"
+        f" by {before + change:.3g} +- {half_interval(error):.1g} from then on: sign or scale of"
+        f" {angle.sensor} or {angle.name} changed, or {others} is wrong"
+    )
+    evidence = {"before": before, "ratio": before + change, "standard_error": error}
+    yield Suspicion(angle.sensor, CHANGED, words, {**evidence, "from": begin})
 
 
 def _behind(angle: _Angle) -> Iterator[Suspicion]:
