@@ -5,7 +5,7 @@ in steady air, change as those of vanes and of the attitude do (Stevens, Lewis &
 Control and Simulation, 3rd ed., section 2.5). A sensor that is late or filtered by T misses T times
 its own signal of the integral. A vane ahead of the CG shows a part of the rates. A vane whose
 upwash is not corrected, or divided by instead of multiplied, changes more. A gyro that is reversed
-or scaled from one time on turns the attitude by another factor from then on. Gusts move the vane
+or scaled for a part of the flight turns the attitude by another factor there. Gusts move the vane
 alone, and the aircraft yields to them: less is explained, the vane changes less than the motion,
 and accelerometers seem early. Of that nothing is said. A vane that is late, or behind a filter,
 shows what the motion made it a while ago, which no gust does.
@@ -35,7 +35,7 @@ from aerodb.estimation import Regression, least_squares, samples_per_independent
 from aerodb.flight import Flight
 from aerodb.signals import band_passed, bridge, first_order_lag, integrated
 from aerodb.support import HALF, NOTABLE, Array, half_interval
-from aerodb.suspicions.begin import explained_from
+from aerodb.suspicions.begin import SIDE, explained_from
 from aerodb.suspicions.changing import CHANGED
 from aerodb.suspicions.equation_error import averaged
 from aerodb.suspicions.evidence import ERRORS, LATE, LIKELIER, SWING, WELL_EXPLAINED, likelier_by
@@ -67,7 +67,10 @@ LEAST_GAIN: Final = NOTABLE
 class _Angle:
     """An angle as logged, as the motion turns it, the rates of its vane's place and the signal of
     its sensor, all band-passed, (n,) [rad], with the times [s]; a delay of the sensor [s] adds as
-    much of its signal. turned_from : sample -> as the motion turns it from that one on, (n,)."""
+    much of its signal.
+
+    positive : where the sensor shows more than zero. turned_by : shares (n,) of the rate -> the
+    angle as these turn it."""
 
     name: str
     sensor: str
@@ -76,7 +79,8 @@ class _Angle:
     turned: Array
     place: tuple[Array, ...]
     signal: Array
-    turned_from: Callable[[int], Array]
+    positive: NDArray[np.bool_]
+    turned_by: Callable[[Array], Array]
 
     @property
     def in_air(self) -> bool:
@@ -99,6 +103,12 @@ class _Angle:
             return least_squares(np.column_stack(columns), self.shown, names)
         except (ValueError, InputError):
             return None
+
+    def left(self, columns: tuple[Array, ...]) -> float:
+        """The squares that columns (n,) leave of the logged angle [rad^2]."""
+        basis = np.linalg.qr(np.column_stack(columns))[0]
+        rest = self.shown - basis @ (basis.T @ self.shown)
+        return float(rest @ rest)
 
 
 def angle_suspicions(flight: Flight) -> tuple[Suspicion, ...]:
@@ -144,7 +154,7 @@ class _Motion:
 
     def moving(self, values: Array) -> Array:
         """Values (n,) there, band-passed (m,); ValueError or InputError where they cannot be."""
-        return self._in_band(self._thin(values))
+        return self._in_band(self.mean(values))
 
     @property
     def shown(self) -> Array:
@@ -155,24 +165,24 @@ class _Motion:
     @property
     def turned(self) -> Array:
         """The angle as the motion turns it, (m,) [rad]."""
-        return self.turned_from(0)
+        return self.turned_by(1.0)
 
-    def turned_from(self, first: int) -> Array:
-        """The angle as the motion turns it from one of its samples on, (m,) [rad]."""
-        rate = bridge(self._thin(self._rate))
-        later = np.where(np.arange(len(rate)) >= first, rate, 0.0)
-        return self._in_band(integrated(later, self.step))
+    def turned_by(self, shares: Array | float) -> Array:
+        """The angle as shares (m,) of its rate turn it, (m,) [rad]."""
+        rate = bridge(self.mean(self._rate))
+        return self._in_band(integrated(shares * rate, self.step))
 
     @property
     def known(self) -> NDArray[np.bool_]:
         """Where the angle and its rate are known, (m,)."""
-        return np.isfinite(self._thin(self._rate + self.channels[self.name]))
+        return np.isfinite(self.mean(self._rate + self.channels[self.name]))
 
     @property
     def _rate(self) -> Array:
         return KINEMATICS[self.name][0](self.channels)
 
-    def _thin(self, values: Array) -> Array:
+    def mean(self, values: Array) -> Array:
+        """Values (n,) there, as they are (m,)."""
         return averaged(np.where(self.flown, values, np.nan)[self.stretch], self.every)
 
     def _in_band(self, values: Array) -> Array:
@@ -218,7 +228,10 @@ def _angle(name: str, flight: Flight, channels: Mapping[str, Array]) -> _Angle |
             made.turned[inside],
             tuple(made.moving(channels[each])[inside] for each in place),
             made.moving(channels[sensor] / speed)[inside],
-            lambda first: made.turned_from(int(np.flatnonzero(inside)[first]))[inside],
+            made.mean(channels[sensor])[inside] > 0.0,
+            lambda shares: made.turned_by(
+                np.interp(np.arange(len(inside)), np.flatnonzero(inside), shares)
+            )[inside],
         )
     except (ValueError, InputError):
         return None
@@ -291,37 +304,47 @@ def _is_late(angle: _Angle, when: str, found: dict[str, float]) -> Suspicion:
 
 
 def _changed(angle: _Angle) -> Iterator[Suspicion]:
-    """The gyro that turns an attitude by another factor from one time on; the claim pays for the
-    times that are tried."""
+    """The gyro that turns an attitude by another factor from one time on, ever more, or to one
+    side; the claim pays for what is tried."""
     one = angle.by(angle.turned)
     if one is None:
         return
     rate, shown = (np.gradient(values) for values in (angle.turned, angle.shown))
     basis = rate[:, None] / max(float(np.linalg.norm(rate)), 1e-300)
     left = shown - basis @ (basis.T @ shown)
+    if left @ left < LEAST_GAIN**2 * SIDE * (1.0 - SIDE) * float(shown @ shown):
+        return  # a change that is said leaves more than that
     at = int(np.argmax(explained_from(rate, basis, left)))
-    fit = angle.by(angle.turned, angle.turned_from(at))
-    if fit is None or fit.r_squared < WELL_EXPLAINED:
+    sample = np.arange(len(rate))
+    begin = float(angle.time[at])
+    tried = {
+        f"from about {begin:.1f} s on": sample >= at,
+        "at the end": sample / len(rate),
+        f"where {angle.sensor} is positive": angle.positive,
+    }
+    made = {where: angle.turned_by(shares.astype(float)) for where, shares in tried.items()}
+    where = min(made, key=lambda each: angle.left((angle.turned, made[each])))
+    fit = angle.by(angle.turned, made[where])
+    if fit is None or fit.r_squared < LEAST_EXPLAINED:
         return
     more = (1.0 - one.r_squared) / max(1.0 - fit.r_squared, 1e-12)
     before, change = (float(each) for each in fit.estimates)
     error = float(fit.standard_errors[1])
     if (
         1.0 - 1.0 / more < EXPLAINED
-        or likelier_by(fit, more) < LIKELIER + np.log(len(rate))  # each sample is tried
+        or likelier_by(fit, more) < LIKELIER + np.log(len(rate) + len(tried))
         or abs(change) < LEAST_GAIN + ERRORS * error
     ):
         return
-    begin = float(angle.time[at])
     also = (*KINEMATICS[angle.name][1], *OPTIONAL.get(angle.name, ()))
     others = " or ".join(n for n in also if n not in (angle.sensor, angle.name))
     words = (
-        f"rates turn {angle.name} by {before:.3g} of what it shows until about {begin:.1f} s, and"
-        f" by {before + change:.3g} +- {half_interval(error):.1g} from then on: sign or scale of"
-        f" {angle.sensor} or {angle.name} changed, or {others} is wrong"
+        f"rates turn {angle.name} by {before:.3g} of what it shows, and by"
+        f" {before + change:.3g} +- {half_interval(error):.1g} {where}: sign or scale of"
+        f" {angle.sensor} or {angle.name} changes, or {others} is wrong"
     )
     evidence = {"before": before, "ratio": before + change, "standard_error": error}
-    yield Suspicion(angle.sensor, CHANGED, words, {**evidence, "from": begin})
+    yield Suspicion(angle.sensor, CHANGED, words, evidence)
 
 
 def _behind(angle: _Angle) -> Iterator[Suspicion]:
@@ -342,12 +365,7 @@ def _behind(angle: _Angle) -> Iterator[Suspicion]:
         for seconds in sizes
     }
 
-    def left(columns: tuple[Array, ...]) -> float:
-        basis = np.linalg.qr(np.column_stack(columns))[0]
-        rest = angle.shown - basis @ (basis.T @ angle.shown)
-        return float(rest @ rest)
-
-    found = min(tried, key=lambda each: left(tried[each]))
+    found = min(tried, key=lambda each: angle.left(tried[each]))
     told = _told(angle, right, tried[found], len(tried))
     if told is not None:
         yield _is_behind(angle, "", *found, told)

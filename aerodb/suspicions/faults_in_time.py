@@ -97,7 +97,7 @@ def faults_in_time(
     }
     listed = (*rests.values(), *wholes.values(), *thin.values())
     inside = np.logical_and.reduce([np.abs(values) < HUGE for values in listed])
-    if inside.sum() <= max(FEWEST, 2.0 * SETTLED / STEP):
+    if inside.sum() <= SETTLED / STEP:
         return []
     t = averaged(flight.time, every)[inside]
     thin = {name: values[inside] for name, values in thin.items()}

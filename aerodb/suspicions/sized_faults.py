@@ -8,7 +8,7 @@ import numpy as np
 
 from aerodb.conditioning import SETTLED
 from aerodb.nomenclature import is_surface
-from aerodb.support import HALF, MINUTE, NOTABLE, SUBSTANTIAL, Array
+from aerodb.support import HALF, MINUTE, NEARLY_ALL, NOTABLE, SUBSTANTIAL, Array
 from aerodb.suspicions.begin import LEFT, explained_from, explained_within
 from aerodb.suspicions.evidence import ERRORS, EXPLAINED, LATE, LIKELIER
 from aerodb.suspicions.surfaces import role_of
@@ -50,7 +50,8 @@ EXPLAINED_MOTION: Final = SUBSTANTIAL
 SEEN: Final = EXPLAINED
 #: Times at which a stretch may begin or end in a first search.
 STRETCHES: Final = 30
-#: Longest delay that is said [s]: its column is of first order, and a swing takes a few seconds.
+#: Longest delay that is said [s] where it does not explain nearly all: its column is of first
+#: order, and a swing takes a few seconds.
 MOST_DELAY: Final = 1.0
 #: Rates, whose constant delay is told by kinematics: gusts imitate it beside a database.
 RATES: Final = ("p", "q", "r")
@@ -146,7 +147,8 @@ class Fault:
         zero seem to change where its motion does."""
         if self.is_rival_only or not abs(self.size) > self.least:
             return False
-        if self.what == "delay" and abs(self.size) > MOST_DELAY:
+        share = next(iter(self.shares.values()))
+        if self.what == "delay" and abs(self.size) > MOST_DELAY and share < NEARLY_ALL:
             return False
         if beyond and self._is_no_aerodynamics:
             return True
@@ -156,7 +158,6 @@ class Fault:
         clear = beyond or is_surface(self.channel)
         if clear and (self.what == "zero" or (self.when == EVENLY and alone)):
             least = EXPLAINED_LIKELIEST if likeliest else EXPLAINED_ZERO
-        share = next(iter(self.shares.values()))
         if self.what == "delay" and share > SEEN:  # axes that agree about it count together
             share = 1.0 - float(np.prod([1.0 - s for s in self.shares.values() if s > SEEN]))
         return share > least and (clear or (self.what != "zero" and self.when != EVENLY))
@@ -211,6 +212,11 @@ class Fault:
         return certain and self.likelier > wanted
 
 
+def settled(samples: int) -> int:
+    """How many of the samples of a flight, at both ends, no fault begins or ends among."""
+    return min(round(SETTLED / STEP), samples // 3)
+
+
 def first_sample(axes: Mapping[str, Axis], added: Mapping[str, Array]) -> int:
     """The sample from which on a fault explains most, if each axis had a size of its own."""
     gained: Array | float = 0.0
@@ -219,14 +225,15 @@ def first_sample(axes: Mapping[str, Axis], added: Mapping[str, Array]) -> int:
         share = explained_from(values, axes[axis].basis, axes[axis].left) / whole
         gained = gained - axes[axis].independent * np.log(np.maximum(1.0 - share, 1e-12))
     inner = np.asarray(gained)
-    edge = round(SETTLED / STEP)
+    edge = settled(len(inner))
     return edge + int(np.argmax(inner[edge : len(inner) - edge]))
 
 
 def likeliest_stretch(axes: Mapping[str, Axis], added: Mapping[str, Array]) -> tuple[int, int]:
     """First sample of the stretch in which a fault explains most, and of what follows it, if each
     axis had a size of its own."""
-    n, edge = len(next(iter(added.values()))), round(SETTLED / STEP)
+    n = len(next(iter(added.values())))
+    edge = settled(n)
     starts = ends = np.linspace(edge, n - edge, STRETCHES, dtype=int)
     for _ in range(2):  # coarse, then near the best
         gained = np.zeros((len(starts), len(ends)))

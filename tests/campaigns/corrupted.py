@@ -6,9 +6,10 @@ database needs), silent, and silent with an axis at twice the clean residual and
 the reconstruction that the right flight has (material); of those said, how many are only suspected, and of which no suspicion names what is wrong (misnamed).
 ``--cache FOLDER`` keeps the flights of JSBSim; ``--only`` runs one part: corrupted flights, wrong vehicle files, files whose
 every value is believable, wrong databases (``databases``: one flight of each vehicle; the first
-column is what is said at import), faults during a flight (``during``: silent ones are
-material), right flights beside databases that lack an
-effect, or right flights under other conditions (``right``).
+column is what is said at import), faults during a flight (``during``: a silent one counts where
+the verdict of the reconstruction and its reasons stay and an axis has twice the clean residual;
+misnamed is a fault of which no suspicion names what is wrong), right flights beside databases that
+lack an effect, or right flights under other conditions (``right``).
 """
 
 import argparse
@@ -222,12 +223,16 @@ def said_during(wrong: Pair) -> list[Suspicion]:
 
 
 def keeps_verdict(right: Pair, wrong: Pair) -> bool:
-    """Whether the verdict of the reconstruction stays, for a right and a wrong flight."""
-    word, other = (
-        make_consistent(each.flight, each.vehicle, None).document["verdict"]
-        for each in (right, wrong)
+    """Whether the reconstruction of a wrong flight has the verdict of the right one, and no reason
+    beside those of the right one."""
+    before, after = (
+        make_consistent(each.flight, each.vehicle, None).document for each in (right, wrong)
     )
-    return bool(word == other)
+    known, found = (
+        {(each["kind"], *each["subjects"]) for each in document["verdict_remarks"]}
+        for document in (before, after)
+    )
+    return bool(before["verdict"] == after["verdict"] and found <= known)
 
 
 @dataclass

@@ -108,6 +108,56 @@ def test_a_gyro_that_is_late_from_one_time_on() -> None:
     assert found.evidence["from"] == pytest.approx(begin, abs=1.0)
 
 
+def test_a_gyro_that_is_reversed_from_one_time_on() -> None:
+    flight = flown()
+    q = np.where(flight.time > 12.0, -flight["q"], flight["q"])
+    (found,) = angle_suspicions(flight.with_channels({"q": q}))
+    assert (found.channel, found.kind) == ("q", "changed")
+    assert found.evidence["before"] == pytest.approx(1.0, abs=0.02)
+    assert found.evidence["ratio"] == pytest.approx(-1.0, abs=0.05)
+    assert "from about 12.0 s on" in found.sentence
+    assert limits_flight(found)
+
+
+@pytest.mark.parametrize("gain", [1.6, 0.6])
+def test_a_gyro_with_another_gain_to_one_side(gain: float) -> None:
+    flight = flown()
+    q = np.where(flight["q"] > 0.0, gain * flight["q"], flight["q"])
+    (found,) = angle_suspicions(flight.with_channels({"q": q}))
+    assert found.evidence["ratio"] == pytest.approx(1.0 / gain, rel=0.03)
+    assert "where q is positive" in found.sentence
+
+
+def test_a_gyro_whose_gain_grows() -> None:
+    flight = flown()
+    over = flight.time / flight.time[-1]
+    (found,) = angle_suspicions(flight.with_channels({"q": flight["q"] * (1.0 + 0.6 * over)}))
+    assert found.evidence["before"] == pytest.approx(1.0, abs=0.05)
+    assert found.evidence["ratio"] == pytest.approx(1.0 / 1.6, abs=0.07)  # 1/x bends
+    assert "at the end" in found.sentence
+
+
+@pytest.mark.parametrize("noise", [1.0, 20.0])
+def test_a_gyro_with_another_gain_all_the_time_does_not_change(noise: float) -> None:
+    flight = flown(noise)
+    scaled = flight.with_channels({"q": 1.1 * flight["q"]})
+    assert all(each.kind != "changed" for each in angle_suspicions(scaled))
+
+
+@pytest.mark.parametrize("name", TWIN_OTTER[:1])
+def test_a_measured_gyro_that_is_reversed_from_one_time_on(
+    measured: Callable[[str], Path], name: str
+) -> None:
+    """In a right flight, rates turn the attitude by one factor."""
+    flight = as_flight(measured(name))
+    assert all(each.kind != "changed" for each in angle_suspicions(flight))
+    middle = float(np.mean(flight.time[[0, -1]]))
+    p = np.where(flight.time > middle, -flight["p"], flight["p"])
+    (found,) = angle_suspicions(flight.with_channels({"p": p}))
+    assert (found.channel, found.kind) == ("p", "changed")
+    assert found.evidence["ratio"] == pytest.approx(-1.0, abs=0.1)
+
+
 def test_measured_accelerometers_that_are_filtered(measured: Callable[[str], Path]) -> None:
     for record, name in ((TWIN_OTTER[0], "ay"), (TWIN_OTTER[1], "az")):
         flight = as_flight(measured(record))
