@@ -8,10 +8,10 @@ from typing import Final
 
 RESULT_VERSION: Final[dict[str, int]] = {
     "ingest": 11,
-    "conditioning": 37,
+    "conditioning": 38,
     "consistency": 29,
     "coefficients": 5,
-    "compare": 25,
+    "compare": 26,
     "import": 3,
     "fly": 8,
     "estimate": 29,
