@@ -15,7 +15,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "import": 3,
     "fly": 8,
     "estimate": 29,
-    "update": 39,
+    "update": 40,
     "gram": 22,
     "close_loop": 76,
 }

@@ -19,7 +19,17 @@ from aerodb.effects import FlightView, Hypothesis
 from aerodb.loop.flight_source import FlightSource
 from aerodb.loop.frozen_library import Library
 from aerodb.signals import rms
-from aerodb.support import CLAIM, DIFFERENCE, HALF, NEARLY_ALL, NEGLIGIBLE, QUARTER, SMALL, Array
+from aerodb.support import (
+    CLAIM,
+    DIFFERENCE,
+    HALF,
+    NEARLY_ALL,
+    NEGLIGIBLE,
+    NOTABLE,
+    QUARTER,
+    SMALL,
+    Array,
+)
 from aerodb.tables import AeroDatabase
 
 #: Least effect of a sensor's error on an axis with which it is a rival of the increments: a part of
@@ -34,6 +44,9 @@ _TAKES: Final = HALF
 #: Rms of a change, in rms of the residual, that no flight tells from none (dimensionless).
 #: A few thousand coloured samples know a mean to a tenth of their scatter.
 _UNSEEN: Final = SMALL
+#: The same up to which an axis of a change may be left unexplained: several terms of one axis move
+#: it by more than one does.
+_HARDLY_SEEN: Final = NOTABLE
 #: Part of an error's size by which axes may disagree about it (dimensionless).
 #: Columns are tangents, right for small errors.
 _TANGENT: Final = QUARTER
@@ -216,7 +229,7 @@ class _Change:
         """Whether an error of this size (SI) leaves hardly anything of the change on an axis, or no
         more of what was measured there than the update does."""
         c, x, d, n = self.beside(columns, axis)
-        least = n * (_UNSEEN * self.floors[axis]) ** 2
+        least = n * (_HARDLY_SEEN * self.floors[axis]) ** 2
         if size * (size * c - 2.0 * x) + d <= (1.0 - _EXPLAINS) * d + least:
             return True
         by_update, by_error = 0.0, 0.0

@@ -25,7 +25,7 @@ from aerodb.flows.cli.known_names import LOGS
 from aerodb.flows.cli.output import Session, visible
 from aerodb.flows.cli.references import Direct, MappingFile, OfFlight, Verbose
 from aerodb.flows.cli.vehicles import say_placeholders
-from aerodb.remarks import NEVER_AIRBORNE
+from aerodb.remarks import NEVER_AIRBORNE, WIDE_LIMITS
 from aerodb.support import counted
 
 if TYPE_CHECKING:
@@ -134,7 +134,7 @@ def list_flights(
                 r.vehicle,
                 _when(r)[:16],  # to the minute
                 f"{r.duration:.1f}",
-                r.verdict,
+                f"{r.verdict}, {_WIDE}" if _is_wide(r) else r.verdict,
                 _standing(document),
             ]
             for r, document in zip(rows, documents, strict=True)
@@ -144,6 +144,8 @@ def list_flights(
     for verdict, meaning in _MEANINGS.items():
         if any(row.verdict == verdict for row in rows):
             session.say(f"{verdict}: {meaning}")
+    if any(_is_wide(row) for row in rows):
+        session.say(f"{_WIDE}: [accuracy] of the vehicle allows far more than usual")
     session.answer(documents)
 
 
@@ -152,6 +154,15 @@ _MEANINGS: Final = {
     "limited": "it is used, with reservations",
     "rejected": "it is kept, and nothing in the air is learnt from it",
 }
+
+
+#: Mark of a verdict whose limits are not the product's.
+_WIDE: Final = "wide limits"
+
+
+def _is_wide(row: "FlightRow") -> bool:
+    """Return whether a verdict was given by limits that are said with it."""
+    return any(remark.kind == WIDE_LIMITS for remark in row.remarks)
 
 
 def _standing(document: dict[str, Any]) -> str:

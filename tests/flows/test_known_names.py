@@ -73,3 +73,18 @@ def test_flights_have_the_names_that_lists_show(tmp_path: Path, shared: SharedWo
     ]
     assert named[::2] == named[1::2]
     assert set(named) == rows
+
+
+def test_a_list_marks_verdicts_by_limits_wider_than_usual(
+    tmp_path: Path, shared: SharedWorkspaces
+) -> None:
+    usual, workspace = shared.ingested(tmp_path / "w").root, tmp_path / "other"
+    assert "wide limits" not in aerodb(usual, "flight", "list").stdout
+    wide = tmp_path / "wide.toml"
+    wide.write_text(VEHICLE.replace(NAME, "wide") + '\n[accuracy]\nattitude = "300 deg"\n', "utf-8")
+    asked(workspace, "vehicle", "add", str(wide))
+    assert aerodb(workspace, "flight", "ingest", str(shared.logs[0])).returncode == 0
+    said = aerodb(workspace, "flight", "list").stdout
+    rows = [line for line in said.splitlines() if ", wide limits" in line]
+    assert [" wide " in row for row in rows] == [True]
+    assert "wide limits: [accuracy] of the vehicle allows far more than usual" in said

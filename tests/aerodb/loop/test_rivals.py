@@ -119,6 +119,26 @@ terms = ["beta", "r_hat", "delta_rudder"]
     assert "surface_scale@all:rudder" in {rival.hypothesis for rival in found}
 
 
+def test_an_axis_that_noise_moves_excuses_no_surface() -> None:
+    """The elevator reads 30 % too much, of which yaw shows nothing. Five terms of yaw move it by
+    .1 to .2 of what noise leaves there."""
+    source = noisy_flights(range(60, 64), database(1.0), np.random.default_rng(5), 1.0)
+    wrong = {
+        id: (flight.with_channels({"delta_elevator": 1.3 * flight["delta_elevator"]}), made)
+        for id, (flight, made) in source.flown.items()
+    }
+    text = """\
+[[increment]]
+axis = "Cm"
+terms = ["alpha", "q_hat", "delta_elevator"]
+[[increment]]
+axis = "Cn"
+terms = ["1", "beta", "p_hat", "r_hat", "delta_rudder"]
+"""
+    found = rivals(FlightsInMemory(source.vehicle, wrong), database(1.0), text)
+    assert "surface_scale@all:elevator" in {rival.hypothesis for rival in found}
+
+
 @pytest.mark.parametrize("noise", [0.0, 1.0, 4.0])
 def test_an_axis_whose_channels_are_noise_excludes_no_rival(
     source: FlightsInMemory, noise: float
