@@ -399,4 +399,6 @@ def is_named(right: Pair, wrong: Pair, sentence: str) -> bool:
     names += [name.removesuffix("_left").removesuffix("_right") for name in names]
     names += ["airspeed"] if set(AIR) & set(names) else []
     names += ["angle of attack"] if "alpha" in names else []
+    names += ["flow angle"] if {"alpha", "beta"} & set(names) else []
+    names += ["a rate"] if {"p", "q", "r"} & set(names) else []
     return any(re.search(rf"\b{name}\b", sentence) for name in names)
