@@ -11,7 +11,7 @@ RESULT_VERSION: Final[dict[str, int]] = {
     "conditioning": 38,
     "consistency": 29,
     "coefficients": 5,
-    "compare": 26,
+    "compare": 27,
     "import": 3,
     "fly": 8,
     "estimate": 29,

@@ -225,8 +225,8 @@ def _likeliest(
     change = -best.size if turned else best.size
     evidence = {"change": change, "standard_error": best.error, "likelier": best.likelier}
     kind = MOVED if best.what == "zero" else CHANGED
-    words = _words(best, list(near.values())[1:])
     axis = best.axes[0]
+    words = _words(best, list(near.values())[1:], _makers(slopes[axis], moving))
     if (air := _crossed(axes[axis], best.size * best.columns[axis], t)) is not None:
         evidence |= {"air_from": air[0], "air_until": air[1]}
         words += (
@@ -400,7 +400,15 @@ def _off_motion(
             yield fault
 
 
-def _words(best: Fault, near: Sequence[Fault]) -> str:
+def _makers(slopes: Mapping[str, float], moving: Mapping[str, Array]) -> list[str]:
+    """The channels of which the database makes most of an axis, the largest part first."""
+    parts = {n: abs(slopes[n]) * float(np.std(moving[n])) for n in slopes if n in moving}
+    least = NOTABLE * float(np.sqrt(sum(part**2 for part in parts.values())))
+    return [n for n in sorted(parts, key=lambda n: -parts[n]) if parts[n] >= least]
+
+
+def _words(best: Fault, near: Sequence[Fault], makers: Sequence[str]) -> str:
+    """makers : channels of which the database makes the axis on which the fault acts most."""
     name = best.channel
     on = ", ".join(best.axes)
     rivals = "".join(f", or {each.channel} {_how(each)}" for each in near)
@@ -441,9 +449,11 @@ def _words(best: Fault, near: Sequence[Fault]) -> str:
             f" follow the motion: the vane or its channel is wrong there{rivals}"
         )
     if name in _MEASURED_BY.values():
+        made = [n for n in makers if n != name and all(n != each.channel for each in near)]
+        by = f", or what the database makes {best.axes[0]} of ({', '.join(made)})" if made else ""
         return (
             f"{best.when} the measured {on} is another, by {best.size:.2g} times the database's:"
-            f" {name}{rivals}, the channel or its calibration changed"
+            f" {name}{rivals}, the channel or its calibration changed{by}"
         )
     return (
         f"{best.when} the effect of {name} on {on} is another, by {-best.size:.2g} times the"

@@ -33,13 +33,13 @@ GOLDEN: dict[str, tuple[int, str, str]] = {
     "conditioning": (38, "d53ed9252635f700", "46c72025355d8e3c"),
     "consistency": (29, "be348c1536e25049", "0a6b81f9def94d33"),
     "coefficients": (5, "0a6959f8f048b54b", "9ddddc1b635ef5d7"),
-    "compare": (26, "f9a874407ad41e61", "75ab953bf9aaf46f"),
+    "compare": (27, "f8495e09083af964", "75ab953bf9aaf46f"),
     "gram": (22, "482a98edec7155da", "a41b3127f3bfd9d7"),
-    "close_loop": (76, "549f0486e8579938", "b7cd226038e57476"),
+    "close_loop": (76, "c68f414d1296a161", "b7cd226038e57476"),
     "fly": (8, "71fffe689ec4408f", "c1e07fb83cde1a03"),
     "import": (3, "2c4d0454b27962f7", "15d078bd64552f53"),
     "estimate": (29, "99d693478690998f", "be09817f5df27dda"),
-    "update": (40, "f7662fa57f69e176", "6b1983884f9e9ae7"),
+    "update": (40, "4f019828e8f1bc43", "6b1983884f9e9ae7"),
 }
 
 #: The test's own mapping: the built-in ones may learn new channels without anything here changing.
