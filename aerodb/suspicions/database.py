@@ -210,6 +210,7 @@ def _size(share: Share) -> list[Suspicion]:
         kind = "unit"
         words = f"{told}: its unit is another (radians taken for degrees)"
         if ratio - ERRORS * error > FURTHEST:
+            kind = "size"
             words = (
                 f"{told}, more than any unit makes it. It hardly moves, and another channel is"
                 " wrong that moves as it does: a flow angle, a rate or another control"

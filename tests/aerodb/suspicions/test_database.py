@@ -172,6 +172,7 @@ def test_more_than_a_unit_makes_is_another_channels() -> None:
     """A control that hardly moves is not taken for one in another unit."""
     made = changed(flight(), delta_elevator=flight()["delta_elevator"] / 5e3)
     (found,) = [e for e in said(made, about_cg(), database()) if e.channel == "delta_elevator"]
+    assert found.kind == "size"
     assert "more than any unit makes it" in found.sentence
     assert limits_flight(found)
 
