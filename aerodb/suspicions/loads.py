@@ -218,15 +218,16 @@ def mass_beside(
         return []
     side, normal = clear
     level = here / there
-    # Noise of the flow angles makes a slope small: the one nearest to the level, and to one.
+    # Noise of the flow angles makes a slope small: the one nearest to the level. Of the side force,
+    # which has no level of its own, also the one nearest to one.
     slopes = [(each.value, each.value / each.explained) for each in clear]
     ratios = np.log([level, *(min(max(level, low), high) for low, high in slopes)])
-    least = np.log([min(max(1.0, low), high) for low, high in slopes])
+    least = float(np.log(min(max(1.0, slopes[0][0]), slopes[0][1])))
     middle = float(np.median(ratios))
     if (
         abs(middle) < np.log(FACTOR)
         or np.any(np.abs(ratios - middle) > SCATTER * abs(middle))
-        or np.any(least / middle < SCATTER)
+        or least / middle < SCATTER
         or _of_moments(moments) / middle > SCATTER
     ):
         return []
