@@ -310,8 +310,7 @@ def vane_beside(
     errors = np.array([share.error / share.ratio for share in both])
     middle = float(np.mean(logarithms))
     if (
-        abs(middle) < np.log(FACTOR)
-        or np.any(np.abs(logarithms) < ERRORS * errors)
+        np.any(np.abs(logarithms) < np.maximum(np.log(FACTOR), ERRORS * errors))
         or np.any(np.abs(logarithms - middle) > SCATTER * abs(middle))
         or abs(_of_moments(moments)) > SCATTER * abs(middle)
     ):
