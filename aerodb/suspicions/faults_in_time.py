@@ -40,6 +40,7 @@ from aerodb.suspicions.sized_faults import (
     Fault,
     first_sample,
     likeliest_stretch,
+    makers,
     sized,
 )
 from aerodb.suspicions.surfaces import role_of
@@ -209,7 +210,7 @@ def _likeliest(
     if found is None:
         return []
     # What is independent is known with the fault.
-    axes = {axis: _with_fault(each, found, axis) for axis, each in axes.items()}
+    axes = {axis: each.with_fault(found, axis) for axis, each in axes.items()}
     faults = _ranked(_faults(axes, slopes, moving, more, t))
     large = _large(faults, axes, most, alone)
     best = next((each for each in large if each.is_certain(len(faults))), None)
@@ -226,7 +227,7 @@ def _likeliest(
     evidence = {"change": change, "standard_error": best.error, "likelier": best.likelier}
     kind = MOVED if best.what == "zero" else CHANGED
     axis = best.axes[0]
-    words = _words(best, list(near.values())[1:], _makers(slopes[axis], moving))
+    words = _words(best, list(near.values())[1:], makers(slopes[axis], moving))
     if (air := _crossed(axes[axis], best.size * best.columns[axis], t)) is not None:
         evidence |= {"air_from": air[0], "air_until": air[1]}
         words += (
@@ -274,14 +275,6 @@ def _ranked(faults: Iterable[Fault]) -> list[Fault]:
     for fault in sorted(faults, key=lambda fault: fault.likelier, reverse=True):
         likeliest.setdefault((fault.channel, fault.what), fault)
     return list(likeliest.values())
-
-
-def _with_fault(axis: Axis, fault: Fault, name: str) -> Axis:
-    """The axis with the samples that are independent once the fault is taken off."""
-    left = axis.left
-    if fault.shares.get(name, 0.0) > 0.0:
-        left = left - fault.size * axis.own(fault.columns[name])
-    return replace(axis, independent=len(left) / samples_per_independent(left))
 
 
 def _added(
@@ -400,15 +393,8 @@ def _off_motion(
             yield fault
 
 
-def _makers(slopes: Mapping[str, float], moving: Mapping[str, Array]) -> list[str]:
-    """The channels of which the database makes most of an axis, the largest part first."""
-    parts = {n: abs(slopes[n]) * float(np.std(moving[n])) for n in slopes if n in moving}
-    least = NOTABLE * float(np.sqrt(sum(part**2 for part in parts.values())))
-    return [n for n in sorted(parts, key=lambda n: -parts[n]) if parts[n] >= least]
-
-
-def _words(best: Fault, near: Sequence[Fault], makers: Sequence[str]) -> str:
-    """makers : channels of which the database makes the axis on which the fault acts most."""
+def _words(best: Fault, near: Sequence[Fault], made_of: Sequence[str]) -> str:
+    """made_of : channels of which the database makes the axis on which the fault acts most."""
     name = best.channel
     on = ", ".join(best.axes)
     rivals = "".join(f", or {each.channel} {_how(each)}" for each in near)
@@ -449,7 +435,7 @@ def _words(best: Fault, near: Sequence[Fault], makers: Sequence[str]) -> str:
             f" follow the motion: the vane or its channel is wrong there{rivals}"
         )
     if name in _MEASURED_BY.values():
-        made = [n for n in makers if n != name and all(n != each.channel for each in near)]
+        made = [n for n in made_of if n != name and all(n != each.channel for each in near)]
         by = f", or what the database makes {best.axes[0]} of ({', '.join(made)})" if made else ""
         return (
             f"{best.when} the measured {on} is another, by {best.size:.2g} times the database's:"

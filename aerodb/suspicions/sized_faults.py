@@ -7,6 +7,7 @@ from typing import Final
 import numpy as np
 
 from aerodb.conditioning import SETTLED
+from aerodb.estimation import samples_per_independent
 from aerodb.nomenclature import is_surface
 from aerodb.support import HALF, MINUTE, NEARLY_ALL, NOTABLE, SUBSTANTIAL, Array
 from aerodb.suspicions.begin import LEFT, explained_from, explained_within
@@ -108,6 +109,13 @@ class Axis:
             return self
         wider = replace(self, basis=np.column_stack([self.basis, own / np.sqrt(size)]))
         return replace(wider, left=wider.own(self.left))
+
+    def with_fault(self, fault: "Fault", name: str) -> "Axis":
+        """The axis of this name with the samples that are independent once a fault is taken off."""
+        left = self.left
+        if fault.shares.get(name, 0.0) > 0.0:
+            left = left - fault.size * self.own(fault.columns[name])
+        return replace(self, independent=len(left) / samples_per_independent(left))
 
 
 @dataclass(frozen=True, eq=False)
@@ -212,9 +220,18 @@ class Fault:
         return certain and self.likelier > wanted
 
 
-def settled(samples: int) -> int:
+def _settled(samples: int) -> int:
     """How many of the samples of a flight, at both ends, no fault begins or ends among."""
     return min(round(SETTLED / STEP), samples // 3)
+
+
+def makers(slopes: Mapping[str, float], moving: Mapping[str, Array]) -> list[str]:
+    """The channels of which the database makes most of an axis, the largest part first.
+
+    slopes : variable -> dC/dvariable. moving : channel -> (m,), in the unit of its slope."""
+    parts = {n: abs(slopes[n]) * float(np.std(moving[n])) for n in slopes if n in moving}
+    least = NOTABLE * float(np.sqrt(sum(part**2 for part in parts.values())))
+    return [n for n in sorted(parts, key=lambda n: -parts[n]) if parts[n] >= least]
 
 
 def first_sample(axes: Mapping[str, Axis], added: Mapping[str, Array]) -> int:
@@ -225,7 +242,7 @@ def first_sample(axes: Mapping[str, Axis], added: Mapping[str, Array]) -> int:
         share = explained_from(values, axes[axis].basis, axes[axis].left) / whole
         gained = gained - axes[axis].independent * np.log(np.maximum(1.0 - share, 1e-12))
     inner = np.asarray(gained)
-    edge = settled(len(inner))
+    edge = _settled(len(inner))
     return edge + int(np.argmax(inner[edge : len(inner) - edge]))
 
 
@@ -233,7 +250,7 @@ def likeliest_stretch(axes: Mapping[str, Axis], added: Mapping[str, Array]) -> t
     """First sample of the stretch in which a fault explains most, and of what follows it, if each
     axis had a size of its own."""
     n = len(next(iter(added.values())))
-    edge = settled(n)
+    edge = _settled(n)
     starts = ends = np.linspace(edge, n - edge, STRETCHES, dtype=int)
     for _ in range(2):  # coarse, then near the best
         gained = np.zeros((len(starts), len(ends)))
